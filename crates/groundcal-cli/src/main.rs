@@ -1,0 +1,2 @@
+//! The groundcal program.
+fn main() {}

@@ -1,0 +1,91 @@
+//! Grey images.
+//!
+//! Pixel (0, 0) is the **centre** of the top-left pixel (OpenCV, ROS, Kalibr; COLMAP counts from the corner).
+//! Values are linear in the stored sample: 0 is black, 1 is white.
+
+/// Width and height of an image in pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ImageSize {
+    /// Number of columns.
+    pub width: usize,
+    /// Number of rows.
+    pub height: usize,
+}
+
+impl ImageSize {
+    /// An image size; see [`ImageSize::width`] and [`ImageSize::height`].
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { width, height }
+    }
+
+    /// The centre of the image in pixel coordinates: ((w - 1) / 2, (h - 1) / 2).
+    pub fn centre_px(self) -> [f64; 2] {
+        [(self.width as f64 - 1.0) / 2.0, (self.height as f64 - 1.0) / 2.0]
+    }
+
+    /// Half the mean side, in pixels: the unit of the normalised image frame.
+    pub fn half_mean_side_px(self) -> f64 {
+        (self.width + self.height) as f64 / 4.0
+    }
+}
+
+impl std::fmt::Display for ImageSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.width, self.height)
+    }
+}
+
+/// A grey image, row by row, values nominally in 0..=1.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GrayImage {
+    size: ImageSize,
+    data: Vec<f32>,
+}
+
+impl GrayImage {
+    /// An image of one value.
+    pub fn filled(size: ImageSize, value: f32) -> Self {
+        Self { size, data: vec![value; size.width * size.height] }
+    }
+
+    /// An image from its rows laid end to end; `None` when the length is not width times height or a value is not finite.
+    pub fn from_rows(size: ImageSize, data: Vec<f32>) -> Option<Self> {
+        (data.len() == size.width * size.height && data.iter().all(|v| v.is_finite())).then_some(Self { size, data })
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> ImageSize {
+        self.size
+    }
+
+    /// Number of columns.
+    pub fn width(&self) -> usize {
+        self.size.width
+    }
+
+    /// Number of rows.
+    pub fn height(&self) -> usize {
+        self.size.height
+    }
+
+    /// All values, row by row.
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// All values, row by row, to be written.
+    pub fn data_mut(&mut self) -> &mut [f32] {
+        &mut self.data
+    }
+
+    /// One row.
+    pub fn row(&self, y: usize) -> &[f32] {
+        &self.data[y * self.size.width..(y + 1) * self.size.width]
+    }
+
+    /// The value of the pixel in column `x` and row `y`.
+    #[inline]
+    pub fn get(&self, x: usize, y: usize) -> f32 {
+        self.data[y * self.size.width + x]
+    }
+}
