@@ -1,5 +1,21 @@
 //! Calibrate a camera from the floor it looks at, with no calibration target.
+pub mod absolute_conic;
+pub mod attitude_groups;
+pub mod calibrate;
+pub mod camera;
+pub mod circular_points;
+pub mod correspondence;
 pub mod distortion;
+pub mod error;
+pub mod features;
+pub mod frame;
+pub mod homography;
 pub mod image;
 pub mod intrinsics;
+pub mod levenberg_marquardt;
+pub mod linalg;
+pub mod motions;
+pub mod ransac;
+pub mod result;
+pub mod statistics;
 pub mod synthetic;

@@ -1,0 +1,282 @@
+//! From plane-normal motions to the camera matrix with its covariance.
+//!
+//! Motions -> attitude groups -> weighted conic equations -> K (see [`crate::absolute_conic`]), repeated until the
+//! weights, which depend on K through the axis error, rest.
+
+use nalgebra::SMatrix;
+
+use crate::{
+    absolute_conic::{
+        ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, parameters_of, refine,
+        solve_linear,
+    },
+    attitude_groups::{AttitudeGroup, Motion, group_attitudes},
+    error::Error,
+    frame::Frame,
+    intrinsics::Intrinsics,
+    statistics::chi_squared_survival,
+};
+
+/// What is known of the camera and of the motion beforehand.
+#[derive(Debug, Clone, Copy)]
+pub struct CameraOptions {
+    /// What is assumed of the camera matrix.
+    pub constraint: Constraint,
+    /// fy / fx where the constraint holds it, and centre of its prior under `Auto`.
+    pub aspect: f64,
+    /// Standard deviation of the prior of ln(fy / fx), `Auto` only.
+    pub aspect_sigma: f64,
+    /// Standard deviation of the prior of each coordinate of the principal point about the frame's origin, in pixels,
+    /// `Auto` only.
+    pub principal_point_sigma_px: f64,
+    /// Standard deviation of each view's attitude about each axis across the floor's normal, in radians.
+    pub attitude_sigma_rad: f64,
+}
+
+/// A camera matrix and how sure it is.
+#[derive(Debug, Clone)]
+pub struct CameraSolution {
+    /// In pixels.
+    pub intrinsics: Intrinsics,
+    /// Covariance of (fx, fy, cx, cy, skew) in pixels squared; zero rows for what was held.
+    pub covariance_px: SMatrix<f64, 5, 5>,
+    /// Which of (fx, fy, cx, cy, skew) were estimated.
+    pub estimated: [bool; 5],
+    /// Priors used: parameter name, mean, standard deviation, posterior over prior standard deviation.
+    pub priors: Vec<PriorUse>,
+    /// Attitudes and the motions that show them.
+    pub groups: Vec<AttitudeGroup>,
+    /// Sum of squared normalised residuals of the conic equations and priors.
+    pub chi_squared: f64,
+    /// Its degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// Factor on the covariance because the motions disagree by more than their noise (1: none).
+    pub variance_inflation: f64,
+}
+
+/// How much a prior counted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriorUse {
+    /// Name of the parameter.
+    pub parameter: &'static str,
+    /// Mean: pixels, or a ratio for `aspect`.
+    pub mean: f64,
+    /// Standard deviation, same unit.
+    pub sigma: f64,
+    /// Posterior over prior standard deviation: 1 says that the prior alone decided, 0 that the images did.
+    pub posterior_over_prior: f64,
+}
+
+/// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
+const MAX_LN_SIGMA: f64 = 0.25;
+/// Standard deviation of the principal point above which it counts as undetermined, in half mean image sides.
+const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
+/// Probability below which the disagreement of motions is not put down to chance.
+const DISAGREEMENT_P: f64 = 0.01;
+
+impl CameraOptions {
+    fn priors(&self, frame: &Frame) -> Priors {
+        if self.constraint != Constraint::Auto {
+            return Priors::NONE;
+        }
+        let principal_point = self.principal_point_sigma_px / frame.scale_px;
+        Priors([
+            None,
+            Some((self.aspect.ln(), self.aspect_sigma)),
+            Some((0.0, principal_point)),
+            Some((0.0, principal_point)),
+            None,
+        ])
+    }
+}
+
+/// The camera of a set of motions given in `frame` coordinates.
+///
+/// # Errors
+/// [`Error::TooFewAttitudes`], [`Error::Undetermined`], [`Error::NotPositiveDefinite`] when the motions do not determine
+/// what the constraint asks for; [`Error::NoUsableMotion`] for an empty set.
+pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) -> Result<CameraSolution, Error> {
+    if motions.is_empty() {
+        return Err(Error::NoUsableMotion {
+            pairs: 0,
+            reason: "no motion is left".into(),
+            remedy: "Turn the camera by 15 to 60 degrees between two images, without tilting it".into(),
+        });
+    }
+    let priors = options.priors(frame);
+    let mut parameters = Parameters::from([2f64.ln(), options.aspect.ln(), 0.0, 0.0, 0.0]);
+    // Attitude errors make the weights depend on K: three rounds from a middling focal length are plenty.
+    let rounds = if options.attitude_sigma_rad > 0.0 { 3 } else { 1 };
+    let mut last = None;
+    for _ in 0..rounds {
+        let groups = group_attitudes(motions, &intrinsics_of(&parameters), options.attitude_sigma_rad);
+        let solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
+        parameters = solution.parameters;
+        last = Some((groups, solution));
+    }
+    let Some((groups, solution)) = last else {
+        return Err(Error::Numerical { stage: "camera", detail: "no round was run".into() });
+    };
+    Ok(in_pixels(groups, solution, options, &priors, frame))
+}
+
+fn solve_groups(
+    groups: &[AttitudeGroup],
+    motions: usize,
+    options: &CameraOptions,
+    priors: &Priors,
+    frame: &Frame,
+) -> Result<ConicSolution, Error> {
+    let constraint = options.constraint;
+    let needed = constraint.attitudes_needed();
+    if groups.len() < needed {
+        let alternative = if groups.len() == 1 {
+            "`--constraint auto`, `focal` or `fixed-pp`"
+        } else {
+            "`--constraint zero-skew` or `square`"
+        };
+        return Err(Error::TooFewAttitudes {
+            constraint: constraint.name(),
+            unknowns: constraint.unknowns(),
+            needed,
+            motions,
+            attitudes: groups.len(),
+            alternative: alternative.into(),
+        });
+    }
+    let points: Vec<WeightedPoint> = groups.iter().map(|g| g.fused.clone()).collect();
+    let solution = if constraint == Constraint::Auto {
+        maximum_a_posteriori(&points, options, priors)
+    } else {
+        let start = solve_linear(&points, constraint, options.aspect)?;
+        refine(&points, &start, constraint.free(), priors)
+    };
+    let solution = solution.ok_or_else(|| Error::Undetermined {
+        constraint: constraint.name(),
+        direction: format!(
+            "the equations of {} do not tell its {} unknowns apart",
+            attitudes(groups.len()),
+            constraint.unknowns()
+        ),
+        ratio: 0.0,
+        needed: 1.0,
+        remedy: remedy(constraint),
+    })?;
+    check_certainty(&solution, constraint, groups.len(), frame)?;
+    Ok(solution)
+}
+
+fn attitudes(count: usize) -> String {
+    if count == 1 { "1 attitude".into() } else { format!("{count} attitudes") }
+}
+
+fn remedy(constraint: Constraint) -> String {
+    let weaker = match constraint {
+        Constraint::Auto | Constraint::Focal => "",
+        _ => ", or use a stronger constraint (`--constraint auto` or `focal`)",
+    };
+    format!(
+        "Tilt the camera to 30 to 60 degrees below the horizon, roll it by 20 degrees or more for another motion, and turn it by 15 to 60 degrees{weaker}"
+    )
+}
+
+/// With priors any start will do that is on the right side: the linear solutions, else the best of a few focal lengths.
+fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, priors: &Priors) -> Option<ConicSolution> {
+    let linear = [Constraint::Square, Constraint::Focal]
+        .into_iter()
+        .filter(|c| points.len() >= c.attitudes_needed())
+        .filter_map(|c| solve_linear(points, c, options.aspect).ok());
+    let grid = [0.6f64, 1.2, 2.4, 4.8, 9.6]
+        .into_iter()
+        .map(|f| Parameters::from([f.ln(), options.aspect.ln(), 0.0, 0.0, 0.0]));
+    linear
+        .chain(grid)
+        .filter_map(|start| refine(points, &start, Constraint::Auto.free(), priors))
+        .filter(|s| s.parameters.iter().all(|v| v.is_finite()) && s.parameters[0].abs() < 5.0)
+        .reduce(|best, next| if next.chi_squared < best.chi_squared * (1.0 - 1e-9) { next } else { best })
+}
+
+/// Refuses an answer whose error bar is so wide that the linearised interval means nothing.
+fn check_certainty(s: &ConicSolution, constraint: Constraint, groups: usize, frame: &Frame) -> Result<(), Error> {
+    let sigma = |i: usize| s.covariance[(i, i)].max(0.0).sqrt();
+    let mut parts = Vec::new();
+    let mut worst: f64 = 0.0;
+    let mut report = |value: f64, limit: f64, text: String| {
+        if value.is_nan() || value > limit {
+            worst = worst.max(value / limit);
+            parts.push(text);
+        }
+    };
+    report(sigma(0), MAX_LN_SIGMA, format!("focal length to a factor of {:.2} only", (2.0 * sigma(0)).exp()));
+    report(sigma(1), MAX_LN_SIGMA, format!("aspect ratio to a factor of {:.2} only", (2.0 * sigma(1)).exp()));
+    for (i, name) in [(2, "cx"), (3, "cy")] {
+        let text = format!("{name} to +-{:.0} px only", 2.0 * sigma(i) * frame.scale_px);
+        report(sigma(i), MAX_PRINCIPAL_POINT_SIGMA, text);
+    }
+    report(sigma(4), MAX_PRINCIPAL_POINT_SIGMA, format!("skew to +-{:.0} px only", 2.0 * sigma(4) * frame.scale_px));
+    if parts.is_empty() {
+        return Ok(());
+    }
+    Err(Error::Undetermined {
+        constraint: constraint.name(),
+        direction: format!("{} would give {}", attitudes(groups), parts.join(", ")),
+        ratio: 1.0 / worst,
+        needed: 1.0,
+        remedy: remedy(constraint),
+    })
+}
+
+fn in_pixels(
+    groups: Vec<AttitudeGroup>,
+    s: ConicSolution,
+    options: &CameraOptions,
+    priors: &Priors,
+    frame: &Frame,
+) -> CameraSolution {
+    let intrinsics = frame.intrinsics_to_pixel(&s.intrinsics());
+    let p_value = chi_squared_survival(s.chi_squared, s.degrees_of_freedom);
+    let variance_inflation = if s.degrees_of_freedom > 0 && p_value < DISAGREEMENT_P {
+        s.chi_squared / s.degrees_of_freedom as f64
+    } else {
+        1.0
+    };
+    let (fx, fy, scale) = (intrinsics.fx, intrinsics.fy, frame.scale_px);
+    let mut jacobian = SMatrix::<f64, 5, 5>::zeros();
+    jacobian[(0, 0)] = fx;
+    jacobian[(1, 0)] = fy;
+    jacobian[(1, 1)] = fy;
+    for i in 2..5 {
+        jacobian[(i, i)] = scale;
+    }
+    let free = options.constraint.free();
+    let units = [1.0, options.aspect, scale, scale, scale];
+    let names = ["fx", "aspect", "cx", "cy", "skew"];
+    let origins = [0.0, 0.0, frame.origin_px.x, frame.origin_px.y, 0.0];
+    let prior_uses = (0..5)
+        .filter_map(|i| {
+            let (mean, sigma) = priors.0[i]?;
+            Some(PriorUse {
+                parameter: names[i],
+                mean: if i == 1 { mean.exp() } else { mean * units[i] + origins[i] },
+                sigma: sigma * units[i],
+                posterior_over_prior: s.covariance[(i, i)].max(0.0).sqrt() / sigma,
+            })
+        })
+        .collect();
+    CameraSolution {
+        intrinsics,
+        covariance_px: jacobian * s.covariance * jacobian.transpose() * variance_inflation,
+        // fy moves with fx when the ratio is held.
+        estimated: [free[0], free[0], free[2], free[3], free[4]],
+        priors: prior_uses,
+        groups,
+        chi_squared: s.chi_squared,
+        degrees_of_freedom: s.degrees_of_freedom,
+        variance_inflation,
+    }
+}
+
+/// The parameters of a camera matrix given in pixels, in frame units.
+pub fn parameters_in_frame(k: &Intrinsics, frame: &Frame) -> Parameters {
+    parameters_of(&frame.intrinsics_from_pixel(k))
+}

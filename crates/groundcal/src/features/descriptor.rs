@@ -1,0 +1,196 @@
+//! Directions and gradient histograms of extrema.
+
+use super::{
+    DESCRIPTOR_LENGTH, Feature, Features,
+    scale_space::{Extremum, ScaleSpace},
+};
+use crate::image::GrayImage;
+
+/// Bins of the direction histogram.
+const DIRECTIONS: usize = 36;
+/// A direction is kept from this fraction of the strongest on.
+const PEAK_RATIO: f32 = 0.8;
+/// Cells along a side of the descriptor, and directions in each.
+const CELLS: usize = 4;
+const BINS: usize = 8;
+/// Side of a cell in units of the feature's scale.
+const CELL_SIDE: f32 = 3.0;
+/// Largest value of an entry before the second normalisation: one strong edge should not decide alone.
+const CLIP: f32 = 0.2;
+
+const TAU: f32 = std::f32::consts::TAU;
+
+/// atan2 in 0..2π to 1e-4 rad, which is a thousandth of a histogram bin.
+#[inline]
+fn direction(y: f32, x: f32) -> f32 {
+    let (ax, ay) = (x.abs(), y.abs());
+    let (small, large) = if ax < ay { (ax, ay) } else { (ay, ax) };
+    let t = small / (large + f32::MIN_POSITIVE);
+    let s = t * t;
+    // Minimax-like odd polynomial for atan on 0..1 (Abramowitz & Stegun 4.4.49).
+    let mut a = t * (0.999_866 + s * (-0.330_299_5 + s * (0.180_141 + s * (-0.085_133 + s * 0.020_835_1))));
+    if ay > ax {
+        a = std::f32::consts::FRAC_PI_2 - a;
+    }
+    if x < 0.0 {
+        a = std::f32::consts::PI - a;
+    }
+    if y < 0.0 { TAU - a } else { a }
+}
+
+/// Appends the feature once for each of its dominant directions.
+pub(super) fn describe(space: &ScaleSpace, extremum: &Extremum, out: &mut Features) {
+    let octave = &space.octaves[extremum.octave];
+    let image = &octave.gaussians[extremum.layer];
+    let (x, y) = (extremum.x / octave.pixel_px, extremum.y / octave.pixel_px);
+    let scale = extremum.scale / octave.pixel_px;
+    for angle_rad in directions(image, x, y, scale) {
+        let descriptor = histogram(image, x, y, scale, angle_rad);
+        if let Some(descriptor) = descriptor {
+            out.points.push(Feature {
+                x: extremum.x,
+                y: extremum.y,
+                scale_px: extremum.scale,
+                angle_rad,
+                response: extremum.response,
+            });
+            out.descriptors.extend_from_slice(&descriptor);
+        }
+    }
+}
+
+/// Gradient by central differences; the pixel must not lie on the border.
+#[inline]
+fn gradient(image: &GrayImage, x: usize, y: usize) -> (f32, f32) {
+    (image.get(x + 1, y) - image.get(x - 1, y), image.get(x, y + 1) - image.get(x, y - 1))
+}
+
+fn directions(image: &GrayImage, x: f32, y: f32, scale: f32) -> Vec<f32> {
+    let sigma = 1.5 * scale;
+    let radius = (3.0 * sigma).round() as isize;
+    let (cx, cy) = (x.round() as isize, y.round() as isize);
+    let mut histogram = [0.0f32; DIRECTIONS];
+    let falloff = -1.0 / (2.0 * sigma * sigma);
+    for dy in -radius..=radius {
+        let py = cy + dy;
+        if py < 1 || py + 1 >= image.height() as isize {
+            continue;
+        }
+        for dx in -radius..=radius {
+            let px = cx + dx;
+            if px < 1 || px + 1 >= image.width() as isize {
+                continue;
+            }
+            let (gx, gy) = gradient(image, px as usize, py as usize);
+            let weight = ((dx * dx + dy * dy) as f32 * falloff).exp() * (gx * gx + gy * gy).sqrt();
+            // Shared between the two nearest bins.
+            let position = direction(gy, gx) * (DIRECTIONS as f32 / TAU);
+            let low = position as usize;
+            let fraction = position - low as f32;
+            histogram[low % DIRECTIONS] += weight * (1.0 - fraction);
+            histogram[(low + 1) % DIRECTIONS] += weight * fraction;
+        }
+    }
+    // Binomial smoothing, twice.
+    for _ in 0..2 {
+        let h = histogram;
+        for i in 0..DIRECTIONS {
+            histogram[i] = 0.25 * h[(i + DIRECTIONS - 1) % DIRECTIONS] + 0.5 * h[i] + 0.25 * h[(i + 1) % DIRECTIONS];
+        }
+    }
+    let highest = histogram.iter().copied().fold(0.0, f32::max);
+    if highest <= 0.0 {
+        return Vec::new();
+    }
+    let mut peaks = Vec::new();
+    for i in 0..DIRECTIONS {
+        let (before, here, after) =
+            (histogram[(i + DIRECTIONS - 1) % DIRECTIONS], histogram[i], histogram[(i + 1) % DIRECTIONS]);
+        if here >= PEAK_RATIO * highest && here > before && here >= after {
+            let curvature = before - 2.0 * here + after;
+            let offset = if curvature < 0.0 { 0.5 * (before - after) / curvature } else { 0.0 };
+            peaks.push(((i as f32 + offset) * (TAU / DIRECTIONS as f32)).rem_euclid(TAU));
+        }
+    }
+    peaks
+}
+
+fn histogram(image: &GrayImage, x: f32, y: f32, scale: f32, angle: f32) -> Option<[f32; DESCRIPTOR_LENGTH]> {
+    let side = CELL_SIDE * scale;
+    let radius = (side * std::f32::consts::SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round() as isize;
+    let (sin, cos) = (angle.sin() / side, angle.cos() / side);
+    let (cx, cy) = (x.round() as isize, y.round() as isize);
+    let (fx, fy) = (x - cx as f32, y - cy as f32);
+    // A margin of one cell takes what falls outside.
+    const WIDE: usize = CELLS + 2;
+    let mut cells = [0.0f32; WIDE * WIDE * BINS];
+    let falloff = -2.0 / (CELLS * CELLS) as f32;
+    let half = CELLS as f32 * 0.5;
+    let (w, h) = (image.width() as isize, image.height() as isize);
+    for py in (cy - radius).max(1)..=(cy + radius).min(h - 2) {
+        let dy = (py - cy) as f32 - fy;
+        for px in (cx - radius).max(1)..=(cx + radius).min(w - 2) {
+            let dx = (px - cx) as f32 - fx;
+            let u = cos * dx + sin * dy;
+            let v = cos * dy - sin * dx;
+            let (column, row) = (u + half + 0.5, v + half + 0.5);
+            if column <= 0.0 || row <= 0.0 || column >= (WIDE - 1) as f32 || row >= (WIDE - 1) as f32 {
+                continue;
+            }
+            let (gx, gy) = gradient(image, px as usize, py as usize);
+            let magnitude = (gx * gx + gy * gy).sqrt() * ((u * u + v * v) * falloff).exp();
+            let mut turn = direction(gy, gx) - angle;
+            if turn < 0.0 {
+                turn += TAU;
+            }
+            let bin = turn * (BINS as f32 / TAU);
+            let (c0, r0, b0) = (column as usize, row as usize, bin as usize);
+            let (fc, fr, fb) = (column - c0 as f32, row - r0 as f32, bin - b0 as f32);
+            let (b0, b1) = (b0 % BINS, (b0 + 1) % BINS);
+            for (r, wr) in [(r0, 1.0 - fr), (r0 + 1, fr)] {
+                for (c, wc) in [(c0, 1.0 - fc), (c0 + 1, fc)] {
+                    let cell = &mut cells[(r * WIDE + c) * BINS..][..BINS];
+                    let value = magnitude * wr * wc;
+                    cell[b0] += value * (1.0 - fb);
+                    cell[b1] += value * fb;
+                }
+            }
+        }
+    }
+    let mut out = [0.0f32; DESCRIPTOR_LENGTH];
+    for r in 0..CELLS {
+        for c in 0..CELLS {
+            let from = ((r + 1) * WIDE + c + 1) * BINS;
+            out[(r * CELLS + c) * BINS..][..BINS].copy_from_slice(&cells[from..from + BINS]);
+        }
+    }
+    let norm = out.iter().map(|v| v * v).sum::<f32>().sqrt();
+    if norm.is_nan() || norm <= f32::MIN_POSITIVE {
+        return None;
+    }
+    let limit = CLIP * norm;
+    for v in &mut out {
+        *v = v.min(limit);
+    }
+    // RootSIFT: unit L1 norm, then the square root, which has unit L2 norm.
+    let sum: f32 = out.iter().sum();
+    for v in &mut out {
+        *v = (*v / sum).sqrt();
+    }
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn direction_agrees_with_atan2() {
+        for i in 0..3600 {
+            let a = (i as f32 + 0.5) * TAU / 3600.0;
+            let found = direction(3.0 * a.sin(), 3.0 * a.cos());
+            assert!((found - a).abs() < 1e-4, "{a} {found}");
+        }
+        assert!(direction(0.0, 0.0).is_finite());
+    }
+}

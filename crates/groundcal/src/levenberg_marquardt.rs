@@ -1,0 +1,159 @@
+//! One Levenberg-Marquardt loop for every refinement.
+//!
+//! Minimises cost(x) = rᵀ W r / 2 over a state that need not be a vector space: a problem supplies the normal equations
+//! at a state and the step to a new one. Damping multiplies the diagonal (Marquardt 1963), its factor follows the ratio
+//! of actual to predicted decrease (Nielsen 1999).
+
+use nalgebra::{DMatrix, DVector};
+
+/// Cost, gradient and Gauss-Newton matrix at a state.
+pub struct NormalEquations {
+    /// Half the weighted sum of squared residuals.
+    pub cost: f64,
+    /// Jᵀ W r.
+    pub gradient: DVector<f64>,
+    /// Jᵀ W J.
+    pub information: DMatrix<f64>,
+}
+
+/// What the loop asks of a problem.
+pub trait LeastSquares {
+    /// The unknowns.
+    type State: Clone;
+    /// Cost, gradient and Gauss-Newton matrix; `None` where the model is not defined.
+    fn normal_equations(&self, state: &Self::State) -> Option<NormalEquations>;
+    /// Cost alone; `None` where the model is not defined.
+    fn cost(&self, state: &Self::State) -> Option<f64>;
+    /// The state a tangent step away.
+    fn retract(&self, state: &Self::State, step: &DVector<f64>) -> Self::State;
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy)]
+pub struct LmOptions {
+    /// Most steps tried.
+    pub max_iterations: usize,
+    /// Stop when the decrease predicted for the next step is below this fraction of the cost.
+    pub relative_cost_tolerance: f64,
+    /// Stop when no component of the step exceeds this (in units of the tangent space).
+    pub step_tolerance: f64,
+}
+
+impl Default for LmOptions {
+    fn default() -> Self {
+        Self { max_iterations: 50, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 }
+    }
+}
+
+/// Why the loop ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum StopReason {
+    /// The next step would not lower the cost by a noticeable amount.
+    Converged,
+    /// The iteration limit was reached; the best state found is returned.
+    MaxIterations,
+    /// No damping gave a lower cost, with the predicted decrease still noticeable.
+    Stalled,
+}
+
+/// The best state found and how it was reached.
+#[derive(Debug, Clone)]
+pub struct LmOutput<S> {
+    /// The best state.
+    pub state: S,
+    /// Half the weighted sum of squared residuals there.
+    pub cost: f64,
+    /// The Gauss-Newton matrix there.
+    pub information: DMatrix<f64>,
+    /// Steps tried.
+    pub iterations: usize,
+    /// Why the loop ended.
+    pub stop: StopReason,
+}
+
+/// Minimise; `None` only when the problem is undefined at the start.
+pub fn minimise<P: LeastSquares>(problem: &P, start: P::State, options: &LmOptions) -> Option<LmOutput<P::State>> {
+    let mut state = start;
+    let mut at = problem.normal_equations(&state)?;
+    let mut lambda = 1e-6;
+    let mut growth = 2.0;
+    let mut iterations = 0;
+    let mut stop = StopReason::MaxIterations;
+    while iterations < options.max_iterations {
+        iterations += 1;
+        let mut damped = at.information.clone();
+        for i in 0..damped.nrows() {
+            damped[(i, i)] += lambda * at.information[(i, i)].max(f64::MIN_POSITIVE);
+        }
+        let step = damped.cholesky().map(|c| c.solve(&(-&at.gradient)));
+        let Some(step) = step.filter(|s| s.iter().all(|v| v.is_finite())) else {
+            if lambda > 1e12 {
+                stop = StopReason::Stalled;
+                break;
+            }
+            lambda = (lambda * 10.0).max(1e-9);
+            continue;
+        };
+        let predicted = -(at.gradient.dot(&step) + 0.5 * step.dot(&(&at.information * &step)));
+        if predicted <= options.relative_cost_tolerance * at.cost || step.amax() <= options.step_tolerance {
+            stop = StopReason::Converged;
+            break;
+        }
+        let candidate = problem.retract(&state, &step);
+        let gain = problem.cost(&candidate).map_or(-1.0, |cost| (at.cost - cost) / predicted);
+        if gain > 0.0 {
+            match problem.normal_equations(&candidate) {
+                Some(equations) => {
+                    state = candidate;
+                    at = equations;
+                    lambda = (lambda * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3))).max(1e-12);
+                    growth = 2.0;
+                    continue;
+                }
+                None => lambda *= growth,
+            }
+        } else {
+            lambda = (lambda * growth).max(1e-9);
+        }
+        growth *= 2.0;
+        if lambda > 1e14 {
+            stop = StopReason::Stalled;
+            break;
+        }
+    }
+    Some(LmOutput { state, cost: at.cost, information: at.information, iterations, stop })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Rosenbrock;
+
+    impl LeastSquares for Rosenbrock {
+        type State = DVector<f64>;
+        fn cost(&self, x: &Self::State) -> Option<f64> {
+            let (a, b) = (10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]);
+            Some(0.5 * (a * a + b * b))
+        }
+        fn normal_equations(&self, x: &Self::State) -> Option<NormalEquations> {
+            let r = DVector::from_vec(vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]]);
+            let j = DMatrix::from_row_slice(2, 2, &[-20.0 * x[0], 10.0, -1.0, 0.0]);
+            Some(NormalEquations {
+                cost: 0.5 * r.norm_squared(),
+                gradient: j.transpose() * &r,
+                information: j.transpose() * &j,
+            })
+        }
+        fn retract(&self, x: &Self::State, step: &DVector<f64>) -> Self::State {
+            x + step
+        }
+    }
+
+    #[test]
+    fn rosenbrock_valley() {
+        let out = minimise(&Rosenbrock, DVector::from_vec(vec![-1.2, 1.0]), &LmOptions::default()).expect("defined");
+        assert!((out.state - DVector::from_element(2, 1.0)).norm() < 1e-8);
+        assert_ne!(out.stop, StopReason::Stalled);
+    }
+}

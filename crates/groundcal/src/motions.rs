@@ -1,0 +1,184 @@
+//! Which pairs of views are plane-normal motions.
+//!
+//! The largest set of motions whose circular points agree with one camera: every candidate founds a hypothesis, which
+//! grows by the candidate that one camera explains best (logarithm of the odds of "on the conic of this camera", with the
+//! camera's own uncertainty, against "anywhere"), is refitted after each, and is scored by the sum of these. An image has
+//! one attitude, so motions that share an image must have the same circular point.
+
+use nalgebra::SMatrix;
+
+use crate::{
+    absolute_conic::{ConicSolution, Parameters, Priors, WeightedPoint, agreement, intrinsics_of, refine},
+    attitude_groups::{DIFFERENT_ATTITUDE, Motion, attitude_distance},
+};
+
+/// Options of [`find_consistent`].
+#[derive(Debug, Clone, Copy)]
+pub struct ConsistencyOptions {
+    /// Standard deviation of each view's attitude about the axes across the floor's normal, in radians.
+    pub attitude_sigma_rad: f64,
+    /// Standard deviation of the principal point from the frame's origin, frame units.
+    pub principal_point_sigma: f64,
+    /// Expected fy / fx.
+    pub aspect: f64,
+    /// Squared distance (two degrees of freedom) beyond which a motion disagrees.
+    pub gate: f64,
+}
+
+/// What became of a candidate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Verdict {
+    /// In the consistent set.
+    Accepted,
+    /// Its circular point is this many standard deviations off the conic of the others.
+    Disagrees {
+        /// Square root of the Mahalanobis distance.
+        sigmas: f64,
+    },
+    /// An accepted motion gives one of its images another attitude.
+    OtherAttitude {
+        /// Index of the accepted motion.
+        motion: usize,
+        /// The image they share.
+        image: usize,
+        /// Square root of the Mahalanobis distance between the circular points.
+        sigmas: f64,
+    },
+}
+
+/// Odds (logarithm) given beforehand to a pair of images that follow each other, and to others: people take the two
+/// images of a motion one after the other.
+const NEIGHBOUR_LOG_ODDS: f64 = 1.5;
+const OTHER_LOG_ODDS: f64 = -1.0;
+
+struct Hypothesis {
+    members: Vec<usize>,
+    score: f64,
+    solution: ConicSolution,
+}
+
+struct Search<'a> {
+    motions: &'a [Motion],
+    priors: Priors,
+    options: &'a ConsistencyOptions,
+    /// conflict[i][j]: squared attitude distance of motions that share an image; 0 otherwise.
+    conflict: Vec<Vec<f64>>,
+}
+
+/// The widest spread of focal lengths allowed for in the search alone: fx is 0.9 of the mean side, times or over 3 (two
+/// standard deviations).
+const SEARCH_LN_F: (f64, f64) = (0.6, 0.55);
+
+impl Search<'_> {
+    fn weighted(&self, index: usize, p: &Parameters) -> WeightedPoint {
+        let point = self.motions[index].geometry.circular_point.clone();
+        let covariance = point.total_covariance(&intrinsics_of(p), self.options.attitude_sigma_rad);
+        WeightedPoint { point, covariance }
+    }
+
+    fn solve(&self, members: &[usize], start: &Parameters) -> Option<ConicSolution> {
+        let points: Vec<WeightedPoint> = members.iter().map(|&i| self.weighted(i, start)).collect();
+        refine(&points, start, [true, true, true, true, false], &self.priors)
+    }
+
+    fn found(&self, seed: usize) -> Option<ConicSolution> {
+        let mut best: Option<ConicSolution> = None;
+        for f in [0.9f64, 1.8, 3.6] {
+            let start = Parameters::from([f.ln(), self.options.aspect.ln(), 0.0, 0.0, 0.0]);
+            let Some(out) = self.solve(&[seed], &start) else { continue };
+            if best.as_ref().is_none_or(|b| out.chi_squared < b.chi_squared) {
+                best = Some(out);
+            }
+        }
+        best
+    }
+
+    fn log_odds_beforehand(&self, index: usize) -> f64 {
+        let m = &self.motions[index];
+        if m.to.abs_diff(m.from) == 1 { NEIGHBOUR_LOG_ODDS } else { OTHER_LOG_ODDS }
+    }
+
+    fn conflicts(&self, index: usize, members: &[usize]) -> bool {
+        members.iter().any(|&m| self.conflict[index][m] > DIFFERENT_ATTITUDE)
+    }
+
+    fn grow(&self, seed: usize) -> Option<Hypothesis> {
+        let mut solution = self.found(seed)?;
+        if solution.chi_squared > 2.0 * self.options.gate {
+            return None;
+        }
+        let mut members = vec![seed];
+        let mut score = self.log_odds_beforehand(seed);
+        loop {
+            let best = (0..self.motions.len())
+                .filter(|i| !members.contains(i) && !self.conflicts(*i, &members))
+                .filter_map(|i| {
+                    let w = self.weighted(i, &solution.parameters);
+                    let (distance, odds) = agreement(&solution.parameters, &solution.covariance, &w)?;
+                    (distance < self.options.gate).then_some((i, odds + self.log_odds_beforehand(i)))
+                })
+                .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+            let Some((index, gain)) = best.filter(|(_, gain)| *gain > 0.0) else { break };
+            members.push(index);
+            let Some(next) = self.solve(&members, &solution.parameters) else {
+                members.pop();
+                break;
+            };
+            solution = next;
+            score += gain;
+        }
+        Some(Hypothesis { members, score, solution })
+    }
+}
+
+/// The largest consistent set; one verdict a motion. Deterministic.
+pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Vec<Verdict> {
+    if motions.is_empty() {
+        return Vec::new();
+    }
+    let sigma = options.principal_point_sigma;
+    let priors =
+        Priors([Some(SEARCH_LN_F), Some((options.aspect.ln(), 0.01)), Some((0.0, sigma)), Some((0.0, sigma)), None]);
+    let reference = Parameters::from([SEARCH_LN_F.0, options.aspect.ln(), 0.0, 0.0, 0.0]);
+    let mut search = Search { motions, priors, options, conflict: Vec::new() };
+    let weighted: Vec<WeightedPoint> = (0..motions.len()).map(|i| search.weighted(i, &reference)).collect();
+    let shares = |a: &Motion, b: &Motion| [a.from, a.to].into_iter().find(|v| *v == b.from || *v == b.to);
+    search.conflict = (0..motions.len())
+        .map(|i| {
+            (0..motions.len())
+                .map(|j| match shares(&motions[i], &motions[j]) {
+                    Some(_) if i != j => attitude_distance(&weighted[i], &weighted[j]),
+                    _ => 0.0,
+                })
+                .collect()
+        })
+        .collect();
+    use rayon::prelude::*;
+    let hypotheses: Vec<Option<Hypothesis>> =
+        (0..motions.len()).into_par_iter().map(|seed| search.grow(seed)).collect();
+    // The earliest seed on a tie, whatever the threads did.
+    let best = hypotheses.into_iter().flatten().reduce(|best, next| if next.score > best.score { next } else { best });
+    let Some(best) = best else {
+        return vec![Verdict::Disagrees { sigmas: f64::INFINITY }; motions.len()];
+    };
+    (0..motions.len())
+        .map(|i| {
+            if best.members.contains(&i) {
+                return Verdict::Accepted;
+            }
+            let clash = best
+                .members
+                .iter()
+                .filter(|&&m| search.conflict[i][m] > DIFFERENT_ATTITUDE)
+                .max_by(|&&a, &&b| search.conflict[i][a].total_cmp(&search.conflict[i][b]));
+            if let Some(&m) = clash {
+                let image = shares(&motions[i], &motions[m]).unwrap_or(motions[i].from);
+                return Verdict::OtherAttitude { motion: m, image, sigmas: search.conflict[i][m].sqrt() };
+            }
+            let covariance: SMatrix<f64, 5, 5> = best.solution.covariance;
+            let w = search.weighted(i, &best.solution.parameters);
+            let distance = agreement(&best.solution.parameters, &covariance, &w).map_or(f64::INFINITY, |(d, _)| d);
+            Verdict::Disagrees { sigmas: distance.sqrt() }
+        })
+        .collect()
+}

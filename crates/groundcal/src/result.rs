@@ -1,0 +1,325 @@
+//! The result of a calibration: one serialisable value, from which every renderer works.
+//!
+//! Pixels throughout, (0, 0) being the centre of the top-left pixel; angles in degrees where the name says so. The JSON
+//! form is documented in `docs/formats.md`.
+
+use serde::Serialize;
+
+/// A calibrated camera, what it was made from, and what to beware of.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Calibration {
+    /// Version of this format.
+    pub format_version: u32,
+    /// Pixel convention of all coordinates.
+    pub pixel_centre: &'static str,
+    /// The camera.
+    pub camera: Camera,
+    /// One standard deviation of each parameter; `None`: held fixed.
+    pub standard_deviation: StandardDeviation,
+    /// Covariance of the parameters.
+    pub covariance: Covariance,
+    /// Name of the constraint.
+    pub constraint: String,
+    /// Method of estimation.
+    pub method: &'static str,
+    /// What was assumed beforehand and how much it counted.
+    pub priors: Vec<Prior>,
+    /// Standard deviation of each view's attitude about the axes across the floor's normal that the error bars allow
+    /// for, in degrees.
+    pub attitude_sigma_deg: f64,
+    /// How well the motions agree on one camera.
+    pub fit: Fit,
+    /// Attitudes of the camera to the floor.
+    pub attitudes: Vec<AttitudeReport>,
+    /// Every pair looked at.
+    pub motions: Vec<MotionReport>,
+    /// What to beware of.
+    pub warnings: Vec<WarningReport>,
+}
+
+/// Camera parameters in pixels.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Camera {
+    /// Width and height in pixels.
+    pub image_size: [usize; 2],
+    /// Focal length along x.
+    pub fx: f64,
+    /// Focal length along y.
+    pub fy: f64,
+    /// Principal point, x.
+    pub cx: f64,
+    /// Principal point, y.
+    pub cy: f64,
+    /// Skew.
+    pub skew: f64,
+    /// Lens distortion.
+    pub distortion: DistortionReport,
+}
+
+/// Lens distortion, named.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DistortionReport {
+    /// `none`, or `radtan` (Brown-Conrady, as OpenCV).
+    pub model: &'static str,
+    /// Radial, second order.
+    pub k1: f64,
+    /// Radial, fourth order.
+    pub k2: f64,
+    /// Tangential.
+    pub p1: f64,
+    /// Tangential.
+    pub p2: f64,
+}
+
+/// One standard deviation of each parameter, in pixels (k1, k2: none); `None`: held fixed or given.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[allow(missing_docs)]
+pub struct StandardDeviation {
+    pub fx: Option<f64>,
+    pub fy: Option<f64>,
+    pub cx: Option<f64>,
+    pub cy: Option<f64>,
+    pub skew: Option<f64>,
+    pub k1: Option<f64>,
+    pub k2: Option<f64>,
+}
+
+/// Covariance matrix with the names of its rows.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Covariance {
+    /// Names of rows and columns.
+    pub parameters: [&'static str; 5],
+    /// Pixels squared; rows of what was held are zero.
+    pub matrix: [[f64; 5]; 5],
+}
+
+/// A Gaussian prior and how much it counted.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Prior {
+    /// Parameter: `aspect` (fy / fx), `cx`, `cy`.
+    pub parameter: &'static str,
+    /// Mean, in pixels (`aspect`: a ratio).
+    pub mean: f64,
+    /// Standard deviation, same unit.
+    pub sigma: f64,
+    /// Posterior over prior standard deviation: near 1 the prior decided, near 0 the images did.
+    pub posterior_over_prior: f64,
+}
+
+/// Agreement of the motions.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Fit {
+    /// Sum of squared normalised residuals of the conic equations.
+    pub chi_squared: f64,
+    /// Its degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// Factor on all variances because the motions disagree (1: none).
+    pub variance_inflation: f64,
+    /// Factor on all standard deviations because the given distortion acts through the focal length (1: none given).
+    pub distortion_amplification: f64,
+}
+
+/// The camera's attitude to the floor.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct AttitudeReport {
+    /// Angle of the optical axis below the horizontal, in degrees (90: straight down).
+    pub pitch_down_deg: f64,
+    /// Roll about the optical axis, in degrees (0: the horizon is level).
+    pub roll_deg: f64,
+    /// The horizon in the image: a x + b y + c = 0 in pixels, a² + b² = 1 (`None`: at infinity).
+    pub horizon_px: Option<[f64; 3]>,
+    /// Motions that show it: indices into `motions`.
+    pub motions: Vec<usize>,
+}
+
+/// A pair of images.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MotionReport {
+    /// Name of the first image.
+    pub from: String,
+    /// Name of the second image.
+    pub to: String,
+    /// Whether it takes part in the camera.
+    pub used: bool,
+    /// Turn of the camera from the first to the second image, counter-clockwise seen from above, in degrees; unsigned for
+    /// a motion not used; `None` without a homography.
+    pub rotation_deg: Option<f64>,
+    /// Its standard deviation in degrees.
+    pub rotation_sigma_deg: Option<f64>,
+    /// Height ratio: 1 for a motion at constant height above the floor.
+    pub rho: Option<f64>,
+    /// Its standard deviation.
+    pub rho_sigma: Option<f64>,
+    /// Matches that agree on one plane.
+    pub matches: usize,
+    /// Matches tried.
+    pub candidate_matches: usize,
+    /// Root mean square residual of the plane's matches, both images together, in pixels.
+    pub rms_px: Option<f64>,
+    /// Index of its attitude.
+    pub attitude: Option<usize>,
+    /// Why it is not used.
+    pub reason: Option<String>,
+}
+
+/// A warning as it is written.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WarningReport {
+    /// Short name, stable across versions.
+    pub code: &'static str,
+    /// What it means, with numbers, and what to do next.
+    pub message: String,
+}
+
+/// Doubt about a result.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Warning {
+    /// No lens distortion was given and none is estimated.
+    DistortionNotModelled {
+        /// Change of fx in percent if the lens has k1 = +0.05.
+        barrel_minus_percent: f64,
+        /// Change of fx in percent if the lens has k1 = -0.05.
+        barrel_percent: f64,
+    },
+    /// One motion only: nothing to check it by.
+    SingleMotion,
+    /// All motions have one attitude.
+    SingleAttitude {
+        /// How many motions.
+        motions: usize,
+    },
+    /// All horizons are parallel: roll was never varied.
+    ParallelHorizons {
+        /// Largest difference of roll in degrees.
+        spread_deg: f64,
+    },
+    /// The motions disagree by more than their noise.
+    MotionsDisagree {
+        /// Sum of squared normalised residuals.
+        chi_squared: f64,
+        /// Its degrees of freedom.
+        degrees_of_freedom: usize,
+        /// Factor by which the standard deviations were widened.
+        widened: f64,
+    },
+    /// A prior, not the images, decided a parameter.
+    PriorDecides {
+        /// The parameter.
+        parameter: &'static str,
+        /// Posterior over prior standard deviation.
+        posterior_over_prior: f64,
+    },
+    /// A background that does not move had more support than the plane used.
+    StaticBackground {
+        /// First image.
+        from: String,
+        /// Second image.
+        to: String,
+        /// Matches that stand still.
+        matches: usize,
+    },
+    /// Two inputs are the same image.
+    DuplicateImages {
+        /// First name.
+        first: String,
+        /// Second name.
+        second: String,
+    },
+    /// The relative standard deviation of the focal length is large.
+    LargeUncertainty {
+        /// Standard deviation of fx in percent.
+        percent: f64,
+    },
+    /// Many images: only neighbours were compared.
+    NeighboursOnly {
+        /// Number of images.
+        images: usize,
+    },
+    /// The fixed point between the given distortion and focal length did not settle.
+    DistortionNotConverged {
+        /// Last relative change of fx.
+        relative_change: f64,
+    },
+}
+
+impl Warning {
+    /// Code and text.
+    pub fn report(&self) -> WarningReport {
+        let (code, message) = match self {
+            Warning::DistortionNotModelled { barrel_minus_percent, barrel_percent } => (
+                "distortion_not_modelled",
+                format!(
+                    "lens distortion was not modelled and the error bars do not cover it: k1 = -0.05 (slight barrel) unmodelled would \
+                     move fx by {barrel_percent:+.1} %, k1 = +0.05 by {barrel_minus_percent:+.1} % for these motions. If lines bend near the \
+                     border, give the lens's k1 with --k1 (and --k2)"
+                ),
+            ),
+            Warning::SingleMotion => (
+                "single_motion",
+                "one motion only: nothing checks that its axis is normal to the floor (1 degree off moves f by several per \
+                 cent). Take more motions, at other tilts and rolls"
+                    .to_string(),
+            ),
+            Warning::SingleAttitude { motions } => (
+                "single_attitude",
+                format!(
+                    "{motions} motion{} of one attitude: the principal point cannot be seen and f depends on where it is assumed. \
+                     Tilt or roll the camera by 20 degrees and repeat one motion",
+                    if *motions == 1 { "" } else { "s" }
+                ),
+            ),
+            Warning::ParallelHorizons { spread_deg } => (
+                "parallel_horizons",
+                format!(
+                    "the camera's roll varies by {spread_deg:.1} degrees only: the horizons are nearly parallel and the principal point \
+                     across them is weakly determined. Roll the camera by 30 degrees or more for one or two motions"
+                ),
+            ),
+            Warning::MotionsDisagree { chi_squared, degrees_of_freedom, widened } => (
+                "motions_disagree",
+                format!(
+                    "the motions disagree on one camera by more than their noise (chi-squared {chi_squared:.1} for {degrees_of_freedom} \
+                     degrees of freedom); standard deviations were widened by {widened:.1}. Likely causes: lens distortion, an axis off \
+                     the floor's normal (see --attitude-sigma-deg), or a wrong pair"
+                ),
+            ),
+            Warning::PriorDecides { parameter, posterior_over_prior } => (
+                "prior_decides",
+                format!(
+                    "the images say little about {parameter}: its standard deviation is {:.0} % of what was assumed beforehand. Vary tilt \
+                     and roll more, or give the value if you know it",
+                    100.0 * posterior_over_prior
+                ),
+            ),
+            Warning::StaticBackground { from, to, matches } => (
+                "static_background",
+                format!(
+                    "{from} and {to}: {matches} matches stand still, more than move; a background (or a part of the camera's carrier) \
+                     that does not move was set aside. Mask it if it should not be there"
+                ),
+            ),
+            Warning::DuplicateImages { first, second } => {
+                ("duplicate_images", format!("{first} and {second} are the same image; a pair of them says nothing. Remove one"))
+            }
+            Warning::LargeUncertainty { percent } => (
+                "large_uncertainty",
+                format!(
+                    "fx is known to {percent:.1} % (one standard deviation) only; intervals this wide are approximate. Take more motions \
+                     with turns of 15 to 60 degrees, the camera 30 to 60 degrees below the horizon"
+                ),
+            ),
+            Warning::NeighboursOnly { images } => (
+                "neighbours_only",
+                format!("{images} images: only neighbours in the given order were compared. Give --pairs to compare others"),
+            ),
+            Warning::DistortionNotConverged { relative_change } => (
+                "distortion_not_converged",
+                format!(
+                    "focal length and the given distortion did not settle (last change {relative_change:.1e}). Check the sign and size of k1"
+                ),
+            ),
+        };
+        WarningReport { code, message }
+    }
+}
