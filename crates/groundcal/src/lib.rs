@@ -1,5 +1,6 @@
 //! Calibrate a camera from the floor it looks at, with no calibration target.
 pub mod absolute_conic;
+pub mod attitude;
 pub mod attitude_groups;
 pub mod calibrate;
 pub mod camera;
@@ -15,6 +16,7 @@ pub mod intrinsics;
 pub mod levenberg_marquardt;
 pub mod linalg;
 pub mod motions;
+pub mod plane_view;
 pub mod ransac;
 pub mod result;
 pub mod statistics;

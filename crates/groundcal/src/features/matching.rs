@@ -18,7 +18,7 @@ pub struct MatchOptions {
 
 impl Default for MatchOptions {
     fn default() -> Self {
-        Self { max_ratio: 0.85, same_place_scales: 1.0 }
+        Self { max_ratio: 0.88, same_place_scales: 1.0 }
     }
 }
 
