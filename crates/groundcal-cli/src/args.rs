@@ -1,0 +1,160 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use groundcal::{absolute_conic::Constraint, image::ImageSize};
+
+/// Calibrate a camera from the floor it looks at, with no calibration target.
+#[derive(Debug, Parser)]
+#[command(
+    version,
+    about,
+    propagate_version = true,
+    after_help = "Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot determine what was asked, 4 unreadable or \
+                  unusable input, 1 anything else."
+)]
+pub struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Camera matrix with error bars from photographs (or matches) of a floor
+    Calibrate(Box<CalibrateArgs>),
+    /// Images with truth from a scene file
+    Render(RenderArgs),
+}
+
+/// `groundcal calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  groundcal calibrate photos/                      a folder: pairs are found
+  groundcal calibrate 'shots/*.png' --constraint square --out result/
+  groundcal calibrate matches.csv --image-size 1280x960 --constraint zero-skew --json
+
+Take two or more images per camera attitude: turn the camera 15 to 60 degrees (and move it, if you like) over the floor
+without tilting it. Then tilt or roll it by 20 degrees or more and repeat.
+
+Pixels: (0,0) is the centre of the top-left pixel. Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot
+determine what was asked, 4 unreadable or unusable input, 1 anything else.")]
+pub struct CalibrateArgs {
+    /// Folders, image files (JPEG, PNG, TIFF, WebP), glob patterns, or one matches.csv / tracks.csv
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<String>,
+
+    /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
+    #[arg(long, value_name = "FILE")]
+    pub pairs: Option<PathBuf>,
+
+    /// What to assume of the camera matrix
+    #[arg(long, value_enum, default_value_t = ConstraintArg::Auto)]
+    pub constraint: ConstraintArg,
+
+    /// Principal point in pixels: held by `fixed-pp` and `focal`, centre of the prior of `auto` [default: image centre]
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    pub principal_point: Option<[f64; 2]>,
+
+    /// fy / fx: held by `square` and `focal`, centre of the prior of `auto` [default: 1]
+    #[arg(long, value_name = "A")]
+    pub aspect: Option<f64>,
+
+    /// Known radial distortion of the lens (Brown-Conrady, as OpenCV); it is undone before anything else
+    #[arg(long, value_name = "K1", allow_hyphen_values = true)]
+    pub k1: Option<f64>,
+
+    /// Known radial distortion, fourth order
+    #[arg(long, value_name = "K2", allow_hyphen_values = true)]
+    pub k2: Option<f64>,
+
+    /// How far the camera pitches and rolls by itself between views, standard deviation in degrees (0: not at all)
+    #[arg(long, value_name = "DEG", default_value_t = 0.1)]
+    pub attitude_sigma_deg: f64,
+
+    /// Image size, for matches.csv and tracks.csv
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub image_size: Option<ImageSize>,
+
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+
+    /// Most features of an image
+    #[arg(long, value_name = "N", default_value_t = 3500, value_parser = clap::value_parser!(u32).range(50..=50_000))]
+    pub max_features: u32,
+
+    /// Write calibration.json and camera_opencv.yaml into this folder (made if need be)
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+
+    /// Print the calibration as JSON on standard output and nothing else there
+    #[arg(long)]
+    pub json: bool,
+
+    /// Threads [default: all processors]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// List every pair and show how long each stage took (on standard error)
+    #[arg(long, short)]
+    pub verbose: bool,
+}
+
+/// `groundcal render`.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  groundcal render examples/tripod/scene.toml --out rendered/")]
+pub struct RenderArgs {
+    /// Scene description (TOML; see docs/formats.md)
+    pub scene: PathBuf,
+
+    /// Folder for the images and truth.json (made if need be)
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// [`Constraint`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ConstraintArg {
+    /// Zero skew; priors on aspect (1 +- 0.003) and principal point (centre +- 5 % of the width); 1 attitude or more
+    Auto,
+    /// Nothing: fx, fy, cx, cy, skew; 3 attitudes
+    Full,
+    /// No skew: fx, fy, cx, cy; 2 attitudes (3 if the roll never changes)
+    ZeroSkew,
+    /// No skew, known aspect ratio: f, cx, cy; 2 attitudes
+    Square,
+    /// No skew, known principal point: fx, fy; 1 attitude
+    FixedPp,
+    /// Known aspect ratio and principal point: f; 1 attitude
+    Focal,
+}
+
+impl From<ConstraintArg> for Constraint {
+    fn from(value: ConstraintArg) -> Self {
+        match value {
+            ConstraintArg::Auto => Constraint::Auto,
+            ConstraintArg::Full => Constraint::Full,
+            ConstraintArg::ZeroSkew => Constraint::ZeroSkew,
+            ConstraintArg::Square => Constraint::Square,
+            ConstraintArg::FixedPp => Constraint::FixedPrincipalPoint,
+            ConstraintArg::Focal => Constraint::Focal,
+        }
+    }
+}
+
+fn parse_point(text: &str) -> Result<[f64; 2], String> {
+    let (x, y) = text.split_once(',').ok_or("expected X,Y in pixels, for example 639.5,479.5")?;
+    let number = |s: &str| s.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    Ok([number(x).ok_or("X is not a number")?, number(y).ok_or("Y is not a number")?])
+}
+
+fn parse_size(text: &str) -> Result<ImageSize, String> {
+    let (w, h) = text.split_once(['x', 'X']).ok_or("expected WxH in pixels, for example 1280x960")?;
+    let side = |s: &str| s.trim().parse::<usize>().ok().filter(|v| (2..=100_000).contains(v));
+    let wrong = "width and height must be whole numbers from 2 to 100000";
+    Ok(ImageSize::new(side(w).ok_or(wrong)?, side(h).ok_or(wrong)?))
+}

@@ -1,0 +1,383 @@
+//! Reading what the user names: images, folders, patterns, CSV files.
+
+use std::{
+    cmp::Ordering,
+    collections::{BTreeMap, HashMap},
+    path::{Path, PathBuf},
+};
+
+use groundcal::{
+    correspondence::{ImagePair, PointMatch},
+    image::{GrayImage, ImageSize},
+};
+use image::{DynamicImage, ImageDecoder, ImageReader};
+use rayon::prelude::*;
+
+use crate::error::CliError;
+
+/// File name endings taken for images in a folder.
+const IMAGE_EXTENSIONS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
+/// Memory a decoder may ask for: 100 megapixels of 16-bit RGBA.
+const MAX_DECODER_BYTES: u64 = 1 << 30;
+
+/// What the inputs turned out to be.
+pub enum Input {
+    /// Image files, in order.
+    Images(Vec<PathBuf>),
+    /// One CSV of matches or tracks.
+    Csv(PathBuf),
+}
+
+/// Folders, patterns and files to a list of files.
+pub fn find(inputs: &[String]) -> Result<Input, CliError> {
+    let mut files: Vec<PathBuf> = Vec::new();
+    for input in inputs {
+        let path = Path::new(input);
+        if path.is_dir() {
+            files.extend(images_in(path)?);
+        } else if path.exists() {
+            files.push(path.to_path_buf());
+        } else if input.contains(['*', '?', '[']) {
+            let pattern =
+                glob::glob(input).map_err(|e| CliError::Usage(format!("{input} is not a valid pattern: {e}")))?;
+            let mut found: Vec<PathBuf> = pattern.filter_map(Result::ok).filter(|p| p.is_file()).collect();
+            if found.is_empty() {
+                return Err(CliError::Input(format!("no file matches {input}. Check the pattern (quote it: 'photos/*.jpg')")));
+            }
+            found.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+            files.extend(found);
+        } else {
+            return Err(CliError::Input(format!("{input} does not exist. Check the path")));
+        }
+    }
+    let is_csv = |p: &PathBuf| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("csv"));
+    match files.as_slice() {
+        [only] if is_csv(only) => Ok(Input::Csv(only.clone())),
+        _ if files.iter().any(is_csv) => {
+            Err(CliError::Usage("a CSV of matches or tracks is given alone, not together with other inputs".into()))
+        }
+        _ => {
+            let mut seen = std::collections::HashSet::new();
+            files.retain(|f| seen.insert(f.clone()));
+            Ok(Input::Images(files))
+        }
+    }
+}
+
+fn images_in(folder: &Path) -> Result<Vec<PathBuf>, CliError> {
+    let cannot = |e: std::io::Error| CliError::Input(format!("cannot read the folder {}: {e}", folder.display()));
+    let mut found = Vec::new();
+    let mut others = 0;
+    for entry in std::fs::read_dir(folder).map_err(cannot)? {
+        let path = entry.map_err(cannot)?.path();
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let hidden = path.file_name().is_some_and(|n| n.to_string_lossy().starts_with('.'));
+        if path.is_file() && !hidden && IMAGE_EXTENSIONS.contains(&extension.as_str()) {
+            found.push(path);
+        } else {
+            others += 1;
+        }
+    }
+    if found.is_empty() {
+        return Err(CliError::Input(format!(
+            "no images in the folder {} ({others} other entries). Images end in .{}; folders inside it are not searched",
+            folder.display(),
+            IMAGE_EXTENSIONS.join(", .")
+        )));
+    }
+    found.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
+    Ok(found)
+}
+
+/// Order of names in which 2 comes before 10; the order says which images are neighbours.
+fn natural_order(a: &str, b: &str) -> Ordering {
+    let (mut a_rest, mut b_rest) = (a, b);
+    let digits = |s: &str| s.len() - s.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    while let (Some(x), Some(y)) = (a_rest.chars().next(), b_rest.chars().next()) {
+        let (m, n) = (digits(a_rest), digits(b_rest));
+        if m > 0 && n > 0 {
+            let (p, q) = (a_rest[..m].trim_start_matches('0'), b_rest[..n].trim_start_matches('0'));
+            let order = p.len().cmp(&q.len()).then_with(|| p.cmp(q));
+            if order != Ordering::Equal {
+                return order;
+            }
+            (a_rest, b_rest) = (&a_rest[m..], &b_rest[n..]);
+        } else if x != y {
+            return x.cmp(&y);
+        } else {
+            (a_rest, b_rest) = (&a_rest[x.len_utf8()..], &b_rest[y.len_utf8()..]);
+        }
+    }
+    a_rest.len().cmp(&b_rest.len()).then_with(|| a.cmp(b))
+}
+
+/// Names by which images are known in the output: file names, or whole paths where file names repeat.
+pub fn names_of(files: &[PathBuf]) -> Vec<String> {
+    let short = |p: &PathBuf| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned());
+    let mut count: HashMap<String, usize> = HashMap::new();
+    for f in files {
+        *count.entry(short(f)).or_default() += 1;
+    }
+    files.iter().map(|f| if count[&short(f)] > 1 { f.display().to_string() } else { short(f) }).collect()
+}
+
+/// All images as grey values, in parallel; the first failure in the order of the list is the one reported.
+pub fn images(files: &[PathBuf]) -> Result<Vec<GrayImage>, CliError> {
+    let loaded: Vec<Result<GrayImage, CliError>> = files.par_iter().map(|f| image(f)).collect();
+    loaded.into_iter().collect()
+}
+
+fn image(path: &Path) -> Result<GrayImage, CliError> {
+    let fail = |what: String| CliError::Input(format!("{}: {what}", path.display()));
+    let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot be read: {e}")))?;
+    if bytes.is_empty() {
+        return Err(fail("the file is empty".into()));
+    }
+    let mut reader = ImageReader::new(std::io::Cursor::new(&bytes))
+        .with_guessed_format()
+        .map_err(|e| fail(format!("cannot be read: {e}")))?;
+    let format = reader
+        .format()
+        .ok_or_else(|| fail("not an image (its content is no JPEG, PNG, TIFF or WebP). Remove it or convert it".into()))?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(MAX_DECODER_BYTES);
+    reader.limits(limits);
+    let damaged = |e: image::ImageError| match e {
+        image::ImageError::Limits(_) => {
+            fail(format!("too large: decoding it needs more than {} MiB. Scale it down", MAX_DECODER_BYTES >> 20))
+        }
+        e => fail(format!("damaged or truncated, or a kind of image this program does not read ({e}). Copy or export it again")),
+    };
+    if format == image::ImageFormat::Jpeg && !ends_like_a_jpeg(&bytes) {
+        return Err(fail("truncated: the JPEG has no end marker. Copy it again from the camera".into()));
+    }
+    let mut decoder = reader.into_decoder().map_err(damaged)?;
+    let orientation = decoder.orientation().map_err(damaged)?;
+    let mut decoded = DynamicImage::from_decoder(decoder).map_err(damaged)?;
+    decoded.apply_orientation(orientation);
+    let size = ImageSize::new(decoded.width() as usize, decoded.height() as usize);
+    GrayImage::from_rows(size, grey(decoded)).ok_or_else(|| fail("a pixel value is not a finite number".into()))
+}
+
+/// Whether an end-of-image marker follows the last start of a scan; decoders fill the rest of a truncated file with grey.
+fn ends_like_a_jpeg(bytes: &[u8]) -> bool {
+    let last = |marker: u8| bytes.windows(2).rposition(|w| w == [0xff, marker]);
+    matches!((last(0xd9), last(0xda)), (Some(end), Some(scan)) if end > scan)
+}
+
+/// Luminance weights of Rec. 709 on the stored values, 0..1; alpha is ignored.
+fn grey(image: DynamicImage) -> Vec<f32> {
+    fn mix<T: Copy + Into<f32>>(raw: &[T], channels: usize, full: f32) -> Vec<f32> {
+        let one = |v: T| -> f32 { v.into() / full };
+        match channels {
+            1 | 2 => raw.chunks_exact(channels).map(|p| one(p[0])).collect(),
+            _ => raw
+                .chunks_exact(channels)
+                .map(|p| 0.2126 * one(p[0]) + 0.7152 * one(p[1]) + 0.0722 * one(p[2]))
+                .collect(),
+        }
+    }
+    match image {
+        DynamicImage::ImageLuma8(i) => mix(i.as_raw(), 1, 255.0),
+        DynamicImage::ImageLumaA8(i) => mix(i.as_raw(), 2, 255.0),
+        DynamicImage::ImageRgb8(i) => mix(i.as_raw(), 3, 255.0),
+        DynamicImage::ImageRgba8(i) => mix(i.as_raw(), 4, 255.0),
+        DynamicImage::ImageLuma16(i) => mix(i.as_raw(), 1, 65535.0),
+        DynamicImage::ImageLumaA16(i) => mix(i.as_raw(), 2, 65535.0),
+        DynamicImage::ImageRgb16(i) => mix(i.as_raw(), 3, 65535.0),
+        DynamicImage::ImageRgba16(i) => mix(i.as_raw(), 4, 65535.0),
+        other => mix(other.into_rgb32f().as_raw(), 3, 1.0),
+    }
+}
+
+/// Matches of pairs of images, from a CSV.
+pub struct CsvMatches {
+    /// Image names, in order of appearance (matches) or natural order (tracks).
+    pub names: Vec<String>,
+    /// Pairs that share points.
+    pub pairs: Vec<ImagePair>,
+}
+
+/// Reads `matches.csv` (image_a,image_b,xa,ya,xb,yb[,sigma_px]) or `tracks.csv` (image,track,x,y[,sigma_px]), told apart by
+/// the header.
+pub fn csv_matches(path: &Path, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
+    let table = Table::read(path)?;
+    let has = |name: &str| table.columns.contains_key(name);
+    if has("image_a") && has("xa") {
+        matches_table(&table)
+    } else if has("track") && has("image") {
+        tracks_table(&table, all_pairs_limit)
+    } else {
+        Err(CliError::Input(format!(
+            "{}: the header is neither that of matches (image_a,image_b,xa,ya,xb,yb[,sigma_px]) nor of tracks \
+             (image,track,x,y[,sigma_px])",
+            path.display()
+        )))
+    }
+}
+
+struct Table {
+    path: PathBuf,
+    columns: HashMap<String, usize>,
+    /// Line number and fields.
+    rows: Vec<(u64, csv::StringRecord)>,
+}
+
+impl Table {
+    fn read(path: &Path) -> Result<Self, CliError> {
+        let fail = |e: csv::Error| CliError::Input(format!("{}: {e}", path.display()));
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(fail)?;
+        let headers = reader.headers().map_err(fail)?.clone();
+        let columns = headers.iter().enumerate().map(|(i, n)| (n.trim_start_matches('\u{feff}').to_string(), i)).collect();
+        let mut rows = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(fail)?;
+            rows.push((record.position().map_or(0, csv::Position::line), record));
+        }
+        if rows.is_empty() {
+            return Err(CliError::Input(format!("{}: no rows below the header", path.display())));
+        }
+        Ok(Self { path: path.to_path_buf(), columns, rows })
+    }
+
+    fn text<'a>(&self, row: &'a (u64, csv::StringRecord), name: &str) -> Result<&'a str, CliError> {
+        let column = self
+            .columns
+            .get(name)
+            .ok_or_else(|| CliError::Input(format!("{}: the column {name} is missing", self.path.display())))?;
+        Ok(&row.1[*column])
+    }
+
+    fn number(&self, row: &(u64, csv::StringRecord), name: &str) -> Result<f64, CliError> {
+        let text = self.text(row, name)?;
+        text.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| {
+            CliError::Input(format!(
+                "{} line {}: {name} is \"{text}\", which is not a finite number. Correct or remove the line",
+                self.path.display(),
+                row.0
+            ))
+        })
+    }
+
+    fn sigma(&self, row: &(u64, csv::StringRecord)) -> Result<f64, CliError> {
+        if !self.columns.contains_key("sigma_px") {
+            return Ok(1.0);
+        }
+        let sigma = self.number(row, "sigma_px")?;
+        if sigma > 0.0 {
+            return Ok(sigma);
+        }
+        Err(CliError::Input(format!("{} line {}: sigma_px is {sigma}, it must be positive", self.path.display(), row.0)))
+    }
+}
+
+fn matches_table(table: &Table) -> Result<CsvMatches, CliError> {
+    let mut names: Vec<String> = Vec::new();
+    let mut index: HashMap<String, usize> = HashMap::new();
+    let mut pairs: Vec<ImagePair> = Vec::new();
+    let mut known: HashMap<(usize, usize), usize> = HashMap::new();
+    for row in &table.rows {
+        let mut number_of = |name: &str| {
+            *index.entry(name.to_string()).or_insert_with(|| {
+                names.push(name.to_string());
+                names.len() - 1
+            })
+        };
+        let (from, to) = (number_of(table.text(row, "image_a")?), number_of(table.text(row, "image_b")?));
+        if from == to {
+            return Err(CliError::Input(format!(
+                "{} line {}: a match of {} with itself",
+                table.path.display(),
+                row.0,
+                names[from]
+            )));
+        }
+        let a = [table.number(row, "xa")?, table.number(row, "ya")?];
+        let b = [table.number(row, "xb")?, table.number(row, "yb")?];
+        let mut m = PointMatch { sigma_px: table.sigma(row)?, ..PointMatch::new(a, b) };
+        // The same two images the other way round belong to the same pair.
+        let turned = known.contains_key(&(to, from));
+        if turned {
+            std::mem::swap(&mut m.a, &mut m.b);
+        }
+        let key = if turned { (to, from) } else { (from, to) };
+        let at = *known.entry(key).or_insert_with(|| {
+            pairs.push(ImagePair { from: key.0, to: key.1, matches: Vec::new() });
+            pairs.len() - 1
+        });
+        pairs[at].matches.push(m);
+    }
+    Ok(CsvMatches { names, pairs })
+}
+
+fn tracks_table(table: &Table, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
+    type Observations = BTreeMap<String, ([f64; 2], f64)>;
+    let mut images: HashMap<String, Observations> = HashMap::new();
+    for row in &table.rows {
+        let (image, track) = (table.text(row, "image")?, table.text(row, "track")?);
+        let point = ([table.number(row, "x")?, table.number(row, "y")?], table.sigma(row)?);
+        if images.entry(image.to_string()).or_default().insert(track.to_string(), point).is_some() {
+            return Err(CliError::Input(format!(
+                "{} line {}: track {track} appears twice in image {image}",
+                table.path.display(),
+                row.0
+            )));
+        }
+    }
+    let mut names: Vec<String> = images.keys().cloned().collect();
+    names.sort_by(|a, b| natural_order(a, b));
+    let reach = if names.len() <= all_pairs_limit { names.len() } else { 3 };
+    let mut pairs = Vec::new();
+    for i in 0..names.len() {
+        for j in i + 1..names.len().min(i + 1 + reach) {
+            let (a, b) = (&images[&names[i]], &images[&names[j]]);
+            let matches: Vec<PointMatch> = a
+                .iter()
+                .filter_map(|(track, (pa, sa))| {
+                    let (pb, sb) = b.get(track)?;
+                    // The model has one deviation for both images of a match.
+                    let sigma_px = (0.5 * (sa * sa + sb * sb)).sqrt();
+                    Some(PointMatch { sigma_px, ..PointMatch::new(*pa, *pb) })
+                })
+                .collect();
+            if !matches.is_empty() {
+                pairs.push(ImagePair { from: i, to: j, matches });
+            }
+        }
+    }
+    Ok(CsvMatches { names, pairs })
+}
+
+/// Reads `--pairs`: image_a,image_b, each a name of `names` (or the end of its path, or without its extension).
+pub fn pairs(path: &Path, names: &[String]) -> Result<Vec<(usize, usize)>, CliError> {
+    let table = Table::read(path)?;
+    let find = |row: &(u64, csv::StringRecord), column: &str| -> Result<usize, CliError> {
+        let wanted = table.text(row, column)?;
+        let stem = |n: &str| Path::new(n).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let exact = names.iter().position(|n| n == wanted);
+        let by_end = || names.iter().position(|n| Path::new(n).ends_with(wanted) || Path::new(wanted).ends_with(n));
+        let by_stem = || names.iter().position(|n| stem(n) == wanted);
+        exact.or_else(by_end).or_else(by_stem).ok_or_else(|| {
+            CliError::Input(format!("{} line {}: {wanted} is none of the {} images", path.display(), row.0, names.len()))
+        })
+    };
+    table.rows.iter().map(|row| Ok((find(row, "image_a")?, find(row, "image_b")?))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_in_names_are_ordered_by_value() {
+        let mut names = vec!["img10.jpg", "img2.jpg", "img02b.jpg", "a.jpg", "img1.jpg"];
+        names.sort_by(|a, b| natural_order(a, b));
+        assert_eq!(names, ["a.jpg", "img1.jpg", "img2.jpg", "img02b.jpg", "img10.jpg"]);
+    }
+
+    #[test]
+    fn file_names_that_repeat_are_told_apart() {
+        let files = [PathBuf::from("a/1.jpg"), PathBuf::from("b/1.jpg"), PathBuf::from("b/2.jpg")];
+        assert_eq!(names_of(&files), ["a/1.jpg", "b/1.jpg", "2.jpg"]);
+    }
+}

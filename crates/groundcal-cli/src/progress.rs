@@ -1,0 +1,87 @@
+//! Progress on a terminal's standard error, and the time each stage took.
+
+use std::{
+    sync::Mutex,
+    time::{Duration, Instant},
+};
+
+use groundcal::calibrate::{Observer, Stage};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+/// Work shorter than this shows no bar.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Listens to the library.
+pub struct Progress {
+    started: Instant,
+    state: Mutex<State>,
+}
+
+struct State {
+    bar: ProgressBar,
+    stages: Vec<(&'static str, Instant)>,
+}
+
+impl Progress {
+    /// Begins with the reading of the input.
+    pub fn new(first: &'static str) -> Self {
+        let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
+        if let Ok(style) = ProgressStyle::with_template("{msg:24} [{bar:40}] {pos}/{len}") {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        let now = Instant::now();
+        Self { started: now, state: Mutex::new(State { bar, stages: vec![(first, now)] }) }
+    }
+
+    fn with<T>(&self, action: impl FnOnce(&mut State) -> T) -> T {
+        // A panic elsewhere does not make the bar unusable.
+        action(&mut self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+
+    /// Takes the bar away and gives the stages with their times; the same stage run several times is added up.
+    pub fn finish(&self) -> Vec<(&'static str, Duration)> {
+        let end = Instant::now();
+        self.with(|state| {
+            state.bar.finish_and_clear();
+            let mut times: Vec<(&'static str, Duration)> = Vec::new();
+            let ends = state.stages.iter().skip(1).map(|s| s.1).chain([end]);
+            for ((name, start), stop) in state.stages.iter().zip(ends) {
+                match times.iter_mut().find(|t| t.0 == *name) {
+                    Some(t) => t.1 += stop - *start,
+                    None => times.push((name, stop - *start)),
+                }
+            }
+            times
+        })
+    }
+}
+
+fn label(stage: Stage) -> &'static str {
+    match stage {
+        Stage::Features => "detecting features",
+        Stage::Matching => "matching pairs",
+        Stage::Homographies => "fitting planes",
+        Stage::Camera => "solving the camera",
+    }
+}
+
+impl Observer for Progress {
+    fn begin(&self, stage: Stage, total: usize) {
+        self.with(|state| {
+            state.stages.push((label(stage), Instant::now()));
+            state.bar.set_length(total as u64);
+            state.bar.set_position(0);
+            state.bar.set_message(label(stage));
+        });
+    }
+
+    fn advance(&self, _: Stage) {
+        self.with(|state| {
+            if state.bar.is_hidden() && self.started.elapsed() > PATIENCE {
+                // Draws nothing where standard error is not a terminal.
+                state.bar.set_draw_target(ProgressDrawTarget::stderr());
+            }
+            state.bar.inc(1);
+        });
+    }
+}
