@@ -1,4 +1,8 @@
 //! Scenes with truth, for tests, examples and benchmarks: everything here is deterministic by its seed.
 
 pub mod bound;
+mod noise;
 pub mod points;
+pub mod render;
+pub mod scene;
+mod texture;
