@@ -42,7 +42,9 @@ pub fn find(inputs: &[String]) -> Result<Input, CliError> {
                 glob::glob(input).map_err(|e| CliError::Usage(format!("{input} is not a valid pattern: {e}")))?;
             let mut found: Vec<PathBuf> = pattern.filter_map(Result::ok).filter(|p| p.is_file()).collect();
             if found.is_empty() {
-                return Err(CliError::Input(format!("no file matches {input}. Check the pattern (quote it: 'photos/*.jpg')")));
+                return Err(CliError::Input(format!(
+                    "no file matches {input}. Check the pattern (quote it: 'photos/*.jpg')"
+                )));
             }
             found.sort_by(|a, b| natural_order(&a.to_string_lossy(), &b.to_string_lossy()));
             files.extend(found);
@@ -113,7 +115,8 @@ fn natural_order(a: &str, b: &str) -> Ordering {
 
 /// Names by which images are known in the output: file names, or whole paths where file names repeat.
 pub fn names_of(files: &[PathBuf]) -> Vec<String> {
-    let short = |p: &PathBuf| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned());
+    let short =
+        |p: &PathBuf| p.file_name().map_or_else(|| p.display().to_string(), |n| n.to_string_lossy().into_owned());
     let mut count: HashMap<String, usize> = HashMap::new();
     for f in files {
         *count.entry(short(f)).or_default() += 1;
@@ -136,9 +139,9 @@ fn image(path: &Path) -> Result<GrayImage, CliError> {
     let mut reader = ImageReader::new(std::io::Cursor::new(&bytes))
         .with_guessed_format()
         .map_err(|e| fail(format!("cannot be read: {e}")))?;
-    let format = reader
-        .format()
-        .ok_or_else(|| fail("not an image (its content is no JPEG, PNG, TIFF or WebP). Remove it or convert it".into()))?;
+    let format = reader.format().ok_or_else(|| {
+        fail("not an image (its content is no JPEG, PNG, TIFF or WebP). Remove it or convert it".into())
+    })?;
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(MAX_DECODER_BYTES);
     reader.limits(limits);
@@ -146,7 +149,9 @@ fn image(path: &Path) -> Result<GrayImage, CliError> {
         image::ImageError::Limits(_) => {
             fail(format!("too large: decoding it needs more than {} MiB. Scale it down", MAX_DECODER_BYTES >> 20))
         }
-        e => fail(format!("damaged or truncated, or a kind of image this program does not read ({e}). Copy or export it again")),
+        e => fail(format!(
+            "damaged or truncated, or a kind of image this program does not read ({e}). Copy or export it again"
+        )),
     };
     if format == image::ImageFormat::Jpeg && !ends_like_a_jpeg(&bytes) {
         return Err(fail("truncated: the JPEG has no end marker. Copy it again from the camera".into()));
@@ -226,9 +231,11 @@ struct Table {
 impl Table {
     fn read(path: &Path) -> Result<Self, CliError> {
         let fail = |e: csv::Error| CliError::Input(format!("{}: {e}", path.display()));
-        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(fail)?;
+        let mut reader =
+            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(fail)?;
         let headers = reader.headers().map_err(fail)?.clone();
-        let columns = headers.iter().enumerate().map(|(i, n)| (n.trim_start_matches('\u{feff}').to_string(), i)).collect();
+        let columns =
+            headers.iter().enumerate().map(|(i, n)| (n.trim_start_matches('\u{feff}').to_string(), i)).collect();
         let mut rows = Vec::new();
         for record in reader.records() {
             let record = record.map_err(fail)?;
@@ -267,7 +274,11 @@ impl Table {
         if sigma > 0.0 {
             return Ok(sigma);
         }
-        Err(CliError::Input(format!("{} line {}: sigma_px is {sigma}, it must be positive", self.path.display(), row.0)))
+        Err(CliError::Input(format!(
+            "{} line {}: sigma_px is {sigma}, it must be positive",
+            self.path.display(),
+            row.0
+        )))
     }
 }
 
@@ -358,7 +369,12 @@ pub fn pairs(path: &Path, names: &[String]) -> Result<Vec<(usize, usize)>, CliEr
         let by_end = || names.iter().position(|n| Path::new(n).ends_with(wanted) || Path::new(wanted).ends_with(n));
         let by_stem = || names.iter().position(|n| stem(n) == wanted);
         exact.or_else(by_end).or_else(by_stem).ok_or_else(|| {
-            CliError::Input(format!("{} line {}: {wanted} is none of the {} images", path.display(), row.0, names.len()))
+            CliError::Input(format!(
+                "{} line {}: {wanted} is none of the {} images",
+                path.display(),
+                row.0,
+                names.len()
+            ))
         })
     };
     table.rows.iter().map(|row| Ok((find(row, "image_a")?, find(row, "image_b")?))).collect()

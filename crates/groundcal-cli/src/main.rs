@@ -1,2 +1,135 @@
-//! The groundcal program.
-fn main() {}
+//! The groundcal program: floor photographs in, camera out.
+
+mod args;
+mod error;
+mod export;
+mod load;
+mod progress;
+mod render_scene;
+
+use std::{
+    io::{IsTerminal, Write},
+    path::Path,
+    process::ExitCode,
+};
+
+use args::{CalibrateArgs, Cli, Command};
+use clap::Parser;
+use error::CliError;
+use groundcal::{
+    calibrate::{Options, calibrate_images, calibrate_matches},
+    distortion::Distortion,
+    result::Calibration,
+};
+use progress::Progress;
+
+fn main() -> ExitCode {
+    let outcome = match Cli::parse().command {
+        Command::Calibrate(args) => calibrate(&args),
+        Command::Render(args) => render_scene::run(&args.scene, &args.out),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            let mark = if std::io::stderr().is_terminal() { "\u{1b}[31merror\u{1b}[0m" } else { "error" };
+            let _ = writeln!(std::io::stderr(), "{mark}: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
+    if let Some(out) = &args.out {
+        if out.exists() && !out.is_dir() {
+            return Err(CliError::Usage(format!("--out {}: is a file; name a folder", out.display())));
+        }
+    }
+    if let Some(threads) = args.threads {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(usize::from(threads))
+            .build_global()
+            .map_err(|e| CliError::Other(format!("cannot start {threads} threads: {e}")))?;
+    }
+    let progress = Progress::new("reading");
+    let result = run(args, &progress);
+    let times = progress.finish();
+    let (calibration, images) = result?;
+    if let Some(out) = &args.out {
+        write_results(out, &calibration)?;
+    }
+    let page =
+        if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, images, args.verbose) };
+    print(&page)?;
+    if args.verbose {
+        let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
+        let mut err = std::io::stderr().lock();
+        for (stage, time) in &times {
+            let _ = writeln!(err, "{stage:<20}{:>8.3} s", time.as_secs_f64());
+        }
+        let _ = writeln!(err, "{:<20}{total:>8.3} s", "all");
+    }
+    Ok(())
+}
+
+/// Input to calibration; also the number of images.
+fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize), CliError> {
+    let mut options = options(args);
+    match load::find(&args.inputs)? {
+        load::Input::Images(files) => {
+            if args.image_size.is_some() {
+                return Err(CliError::Usage(
+                    "--image-size goes with matches.csv or tracks.csv; images have their own".into(),
+                ));
+            }
+            let names = load::names_of(&files);
+            if let Some(path) = &args.pairs {
+                options.pairs = Some(load::pairs(path, &names)?);
+            }
+            let images = load::images(&files)?;
+            Ok((calibrate_images(&names, &images, &options, progress)?, names.len()))
+        }
+        load::Input::Csv(path) => {
+            let size = args.image_size.ok_or_else(|| {
+                CliError::Usage(format!("{}: give the size of the images with --image-size WxH", path.display()))
+            })?;
+            let table = load::csv_matches(&path, options.all_pairs_limit)?;
+            if let Some(path) = &args.pairs {
+                options.pairs = Some(load::pairs(path, &table.names)?);
+            }
+            Ok((calibrate_matches(&table.names, size, &table.pairs, &options, progress)?, table.names.len()))
+        }
+    }
+}
+
+fn options(args: &CalibrateArgs) -> Options {
+    let mut options = Options {
+        constraint: args.constraint.into(),
+        principal_point_px: args.principal_point,
+        aspect: args.aspect,
+        distortion: Distortion::radial(args.k1.unwrap_or(0.0), args.k2.unwrap_or(0.0)),
+        attitude_sigma_deg: args.attitude_sigma_deg,
+        seed: args.seed,
+        ..Options::default()
+    };
+    options.features.max_features = args.max_features as usize;
+    options
+}
+
+/// The files of `--out`; the folder is made if need be.
+fn write_results(out: &Path, calibration: &Calibration) -> Result<(), CliError> {
+    std::fs::create_dir_all(out)
+        .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
+    let json = export::json(calibration)?;
+    export::write_whole(&out.join("camera_opencv.yaml"), export::opencv::yaml(calibration).as_bytes())?;
+    export::write_whole(&out.join("calibration.json"), json.as_bytes())
+}
+
+/// To standard output; a reader that has had enough (`| head`) is no fault.
+fn print(text: &str) -> Result<(), CliError> {
+    match std::io::stdout().lock().write_all(text.as_bytes()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(CliError::Other(format!("cannot write the result: {e}")))
+        }
+        _ => Ok(()),
+    }
+}

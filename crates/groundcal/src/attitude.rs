@@ -7,13 +7,13 @@
 //! R_cam_from_world = Rz(-roll) Rx(pitch_down) R0 Rz(-yaw)
 //!                    '-------- A_g ---------'
 //!
-//!      | 1  0  0 |          | 1  0   0 |          | c -s  0 |
+//!      | 0 -1  0 |          | 1  0   0 |          | c -s  0 |
 //! R0 = | 0  0 -1 |  Rx(a) = | 0  c  -s |  Rz(a) = | s  c  0 |   c = cos a, s = sin a
-//!      | 0  1  0 |          | 0  s   c |          | 0  0  1 |
+//!      | 1  0  0 |          | 0  s   c |          | 0  0  1 |
 //! ```
 //!
-//! All angles zero: the camera looks along world +Y, its x is world +X, its y is world -Z. Then, as motions of the camera:
-//! - *yaw* turns it anticlockwise seen from above (from +Y towards -X);
+//! All angles zero: the camera looks along world +X, its x is world -Y, its y is world -Z (the heading of ROS REP 103). Then, as motions of the camera:
+//! - *yaw* turns it anticlockwise seen from above (from +X towards +Y);
 //! - *pitch_down* lowers the optical axis below the horizon (90 degrees: straight down);
 //! - *roll* turns it about its optical axis, clockwise seen from behind (its right-hand side dips), so that the picture
 //!   turns anticlockwise.
@@ -27,8 +27,8 @@ use nalgebra::{Matrix3, Vector3};
 pub fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {
     let (sp, cp) = pitch_down_rad.sin_cos();
     let (sr, cr) = roll_rad.sin_cos();
-    // Rx(pitch) R0, written out: the world's X stays the camera's x.
-    let pitched = Matrix3::new(1.0, 0.0, 0.0, 0.0, -sp, -cp, 0.0, cp, -sp);
+    // Rx(pitch) R0, written out.
+    let pitched = Matrix3::new(0.0, -1.0, 0.0, -sp, 0.0, -cp, cp, 0.0, -sp);
     Matrix3::new(cr, sr, 0.0, -sr, cr, 0.0, 0.0, 0.0, 1.0) * pitched
 }
 
@@ -83,7 +83,7 @@ mod tests {
 
     #[test]
     fn the_product_is_the_one_the_module_states() {
-        let r0 = Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0);
+        let r0 = Matrix3::new(0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0);
         let (p, r, y) = (0.7, -0.4, 1.9);
         let expected = rz(-r) * rx(p) * r0 * rz(-y);
         let got = rotation_cam_from_world(p, r, y);
@@ -96,10 +96,10 @@ mod tests {
     fn each_angle_moves_the_camera_the_way_its_name_says() {
         let axis = |p: f64, r: f64, y: f64| rotation_cam_from_world(p, r, y).row(2).transpose();
         let right = |p: f64, r: f64, y: f64| rotation_cam_from_world(p, r, y).row(0).transpose();
-        assert!((axis(0.0, 0.0, 0.0) - Vector3::y()).norm() < 1e-15);
-        assert!((right(0.0, 0.0, 0.0) - Vector3::x()).norm() < 1e-15);
-        // A quarter turn to the left from +Y faces -X.
-        assert!((axis(0.0, 0.0, std::f64::consts::FRAC_PI_2) + Vector3::x()).norm() < 1e-15);
+        assert!((axis(0.0, 0.0, 0.0) - Vector3::x()).norm() < 1e-15);
+        assert!((right(0.0, 0.0, 0.0) + Vector3::y()).norm() < 1e-15);
+        // A quarter turn to the left from +X faces +Y.
+        assert!((axis(0.0, 0.0, std::f64::consts::FRAC_PI_2) - Vector3::y()).norm() < 1e-15);
         assert!(axis(0.3, 0.0, 0.0).z < 0.0);
         assert!((axis(std::f64::consts::FRAC_PI_2, 0.0, 0.0) + Vector3::z()).norm() < 1e-15);
         assert!(right(0.0, 0.3, 0.0).z < 0.0, "a positive roll dips the right-hand side");

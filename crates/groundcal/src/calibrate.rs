@@ -809,13 +809,13 @@ impl Pipeline<'_> {
                 let reason = match (&result.outcome, verdict) {
                     (Err(refusal), _) => Some(refusal.reason.clone()),
                     (Ok(_), Some(Verdict::Disagrees { sigmas })) if sigmas.is_finite() => {
-                        Some(format!("does not agree with the camera of the other motions ({sigmas:.1} sigma)"))
+                        Some(format!("not a turn about the floor's normal: no agreement with the other motions' camera ({sigmas:.0} sigma)"))
                     }
                     (Ok(_), Some(Verdict::Disagrees { .. })) => Some("agrees with no camera".to_string()),
                     (Ok(_), Some(Verdict::OtherAttitude { motion, image, sigmas })) => {
                         let other = &motions[motion].1;
                         Some(format!(
-                            "would give {} another attitude than {} - {} ({sigmas:.1} sigma)",
+                            "not a turn about the floor's normal: {} has another attitude in {} - {} ({sigmas:.0} sigma)",
                             name(image),
                             name(other.from),
                             name(other.to)

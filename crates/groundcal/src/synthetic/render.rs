@@ -149,8 +149,8 @@ impl<'a> Renderer<'a> {
             }
         });
         let (azimuth, elevation) = (scene.light.azimuth_deg.to_radians(), scene.light.elevation_deg.to_radians());
-        let to = Vector3::new(-azimuth.sin() * elevation.cos(), azimuth.cos() * elevation.cos(), elevation.sin());
-        let side = Vector3::new(azimuth.cos(), azimuth.sin(), 0.0);
+        let to = Vector3::new(azimuth.cos() * elevation.cos(), azimuth.sin() * elevation.cos(), elevation.sin());
+        let side = Vector3::new(azimuth.sin(), -azimuth.cos(), 0.0);
         let light = Light {
             to,
             across: [side, to.cross(&side)],
@@ -550,7 +550,7 @@ mod tests {
     }
 
     fn two_views(camera: Camera, roll_deg: f64) -> Scene {
-        let views = vec![view("a.png", 10.0, [0.1, 0.2, 1.4]), view("b.png", 24.0, [0.25, 0.1, 1.5])];
+        let views = vec![view("a.png", 100.0, [0.1, 0.2, 1.4]), view("b.png", 114.0, [0.25, 0.1, 1.5])];
         Scene::new(camera, vec![Group { pitch_down_deg: 55.0, roll_deg, views }])
     }
 
@@ -699,7 +699,7 @@ mod tests {
     fn a_shadow_falls_away_from_the_light_and_a_box_hides_the_floor() {
         let mut scene = two_views(Camera::centred([320, 240], 300.0), 0.0);
         scene.floor.contrast = 0.0;
-        scene.light.azimuth_deg = 90.0;
+        scene.light.azimuth_deg = 180.0;
         scene.light.elevation_deg = 45.0;
         let colour = [0.1, 0.1, 0.8];
         scene.boxes.list = vec![FloorBox { centre_m: [-0.1, 1.1], yaw_deg: 0.0, size_m: [0.2, 0.2, 0.2], colour }];

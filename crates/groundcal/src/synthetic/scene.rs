@@ -265,7 +265,7 @@ fn default_box_seed() -> u32 {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Light {
-    /// Where the light comes from: anticlockwise from world +Y, as a camera's yaw, in degrees (35).
+    /// Where the light comes from: anticlockwise from world +X, as a camera's yaw, in degrees (125).
     pub azimuth_deg: f64,
     /// Its height above the horizon in degrees, 5 to 90 (55).
     pub elevation_deg: f64,
@@ -277,7 +277,7 @@ pub struct Light {
 
 impl Default for Light {
     fn default() -> Self {
-        Self { azimuth_deg: 35.0, elevation_deg: 55.0, radius_deg: 1.5, ambient: 0.45 }
+        Self { azimuth_deg: 125.0, elevation_deg: 55.0, radius_deg: 1.5, ambient: 0.45 }
     }
 }
 
@@ -362,7 +362,7 @@ pub struct Group {
 pub struct View {
     /// Name of the image file; it ends in .png, .jpg or .jpeg and names no folder.
     pub file: String,
-    /// Heading in degrees, anticlockwise from world +Y.
+    /// Heading in degrees, anticlockwise from world +X.
     pub yaw_deg: f64,
     /// Optical centre in metres; the last is the height above the floor.
     pub centre_m: [f64; 3],
@@ -748,7 +748,7 @@ mod tests {
     }
 
     fn scene() -> Scene {
-        let views = vec![view("a.png", 10.0, [0.1, 0.2, 1.4]), view("b.png", 35.0, [0.5, -0.1, 1.6])];
+        let views = vec![view("a.png", 100.0, [0.1, 0.2, 1.4]), view("b.png", 125.0, [0.5, -0.1, 1.6])];
         Scene::new(Camera::centred([320, 240], 280.0), vec![Group { pitch_down_deg: 50.0, roll_deg: 12.0, views }])
     }
 

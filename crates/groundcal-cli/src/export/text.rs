@@ -1,0 +1,183 @@
+//! The summary for people, in the style of a statistics package.
+
+use std::fmt::Write;
+
+use groundcal::result::{Calibration, MotionReport};
+
+/// Width of the page in columns.
+const WIDTH: usize = 100;
+/// Pairs not used that are listed one by one without `--verbose`.
+const MAX_LISTED: usize = 8;
+
+/// The page.
+pub fn summary(c: &Calibration, images: usize, verbose: bool) -> String {
+    let mut page = String::new();
+    // Writing to a string cannot fail.
+    let _ = write_summary(&mut page, c, images, verbose);
+    page
+}
+
+fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) -> std::fmt::Result {
+    let used: Vec<&MotionReport> = c.motions.iter().filter(|m| m.used).collect();
+    let double = "=".repeat(WIDTH);
+    let single = "-".repeat(WIDTH);
+    writeln!(w, "{:^WIDTH$}", format!("groundcal {}: camera from floor motions", env!("CARGO_PKG_VERSION")))?;
+    writeln!(w, "{double}")?;
+    let two =
+        |w: &mut String, a: (&str, String), b: (&str, String)| writeln!(w, "{:<16}{:<36}{:<16}{}", a.0, a.1, b.0, b.1);
+    let [width, height] = c.camera.image_size;
+    two(w, ("Images:", format!("{images}, {width} x {height} px")), ("Method:", "linear, covariance-weighted".into()))?;
+    two(
+        w,
+        ("Motions used:", format!("{} of {} pairs", used.len(), c.motions.len())),
+        ("Constraint:", c.constraint.clone()),
+    )?;
+    two(
+        w,
+        ("Attitudes:", c.attitudes.len().to_string()),
+        ("Attitude sigma:", format!("{} deg a view", c.attitude_sigma_deg)),
+    )?;
+    let fit = &c.fit;
+    let chi = if fit.degrees_of_freedom == 0 {
+        "none left over to check by".to_string()
+    } else {
+        format!("{:.1} for {} degrees of freedom", fit.chi_squared, fit.degrees_of_freedom)
+    };
+    two(w, ("Chi-squared:", chi), ("Distortion:", distortion(c)))?;
+    writeln!(w, "{double}")?;
+    writeln!(w, "{:<12}{:>12}{:>14}{:>28}{:>12}", "", "estimate", "std. error", "[95 % interval]", "std. error")?;
+    writeln!(w, "{:<12}{:>12}{:>14}{:>28}{:>12}", "", "px", "px", "px", "% of fx")?;
+    writeln!(w, "{single}")?;
+    let s = &c.standard_deviation;
+    for (name, value, sigma) in [
+        ("fx", c.camera.fx, s.fx),
+        ("fy", c.camera.fy, s.fy),
+        ("cx", c.camera.cx, s.cx),
+        ("cy", c.camera.cy, s.cy),
+        ("skew", c.camera.skew, s.skew),
+    ] {
+        match sigma {
+            Some(sigma) => {
+                let (low, high) = (value - 1.96 * sigma, value + 1.96 * sigma);
+                let percent = 100.0 * sigma / c.camera.fx;
+                writeln!(w, "{name:<12}{value:>12.3}{sigma:>14.3}{low:>15.3}{high:>13.3}{percent:>12.3}")?;
+            }
+            // Adding zero turns -0 into 0.
+            None => writeln!(w, "{name:<12}{:>12.3}{:>14}", value + 0.0, "held")?,
+        }
+    }
+    writeln!(w, "{single}")?;
+    for p in &c.priors {
+        let unit = if p.parameter == "aspect" { "" } else { " px" };
+        writeln!(
+            w,
+            "prior: {:<8}{:>10.3} +- {:<8.3}{:<4} of its width the images left {:.0} %",
+            p.parameter,
+            p.mean,
+            p.sigma,
+            unit,
+            100.0 * p.posterior_over_prior.min(1.0)
+        )?;
+    }
+    if !c.priors.is_empty() {
+        writeln!(w, "{single}")?;
+    }
+    let name_width = used.iter().map(|m| m.from.len().max(m.to.len())).max().unwrap_or(4).clamp(8, 24);
+    writeln!(
+        w,
+        "{:<name_width$}  {:<name_width$}{:>16}{:>17}{:>9}{:>8}{:>8}{:>8}",
+        "from", "to", "turn (deg)", "rho", "matches", "rms px", "pitch", "roll"
+    )?;
+    for m in &used {
+        let attitude = m.attitude.and_then(|a| c.attitudes.get(a));
+        writeln!(
+            w,
+            "{:<name_width$}  {:<name_width$}{:>16}{:>17}{:>9}{:>8.2}{:>8.2}{:>8.2}",
+            m.from,
+            m.to,
+            with_sigma(m.rotation_deg, m.rotation_sigma_deg, 2),
+            with_sigma(m.rho, m.rho_sigma, 4),
+            m.matches,
+            m.rms_px.unwrap_or(f64::NAN),
+            attitude.map_or(f64::NAN, |a| a.pitch_down_deg),
+            attitude.map_or(f64::NAN, |a| a.roll_deg),
+        )?;
+    }
+    not_used(w, c, verbose)?;
+    writeln!(w, "{double}")?;
+    writeln!(
+        w,
+        "Pixel (0,0) is the centre of the top-left pixel. turn: of the camera, anticlockwise seen from above;\n\
+         rho: height of the second view over the first's (1: constant height), with respect to its distance;\n\
+         pitch: optical axis below the horizon; roll: right-hand side down; both in degrees."
+    )?;
+    for warning in &c.warnings {
+        writeln!(w, "\nwarning [{}]\n{}", warning.code, wrapped(&warning.message, 2))?;
+    }
+    Ok(())
+}
+
+fn distortion(c: &Calibration) -> String {
+    let d = &c.camera.distortion;
+    if d.model == "none" { "not modelled".into() } else { format!("given: k1 {}, k2 {}", d.k1, d.k2) }
+}
+
+fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize) -> String {
+    match (value, sigma) {
+        (Some(v), Some(s)) => format!("{v:.digits$} +-{s:.digits$}"),
+        (Some(v), None) => format!("{v:.digits$}"),
+        _ => "-".into(),
+    }
+}
+
+/// What was left out and why: pairs with a plane one by one (some, or all with `--verbose`), the others by number.
+fn not_used(w: &mut String, c: &Calibration, verbose: bool) -> std::fmt::Result {
+    let left: Vec<&MotionReport> = c.motions.iter().filter(|m| !m.used).collect();
+    if left.is_empty() {
+        return Ok(());
+    }
+    let with_plane = left.iter().filter(|m| m.rotation_deg.is_some()).count();
+    let list_all = verbose || left.len() <= MAX_LISTED;
+    writeln!(
+        w,
+        "not used: {} pairs, {with_plane} of them with a common plane{}",
+        left.len(),
+        if list_all { ":" } else { " (all: --verbose, or calibration.json):" }
+    )?;
+    let mut listed = 0;
+    for m in &left {
+        if !list_all && (m.rotation_deg.is_none() || listed == MAX_LISTED) {
+            continue;
+        }
+        listed += 1;
+        let reason = m.reason.as_deref().unwrap_or("-");
+        let turn = m.rotation_deg.map_or(String::new(), |t| format!(" ({t:.1} deg, {} matches)", m.matches));
+        writeln!(w, "{}", wrapped(&format!("{} - {}{turn}: {reason}", m.from, m.to), 2))?;
+    }
+    if listed < with_plane {
+        writeln!(w, "  ... and {} more", with_plane - listed)?;
+    }
+    Ok(())
+}
+
+/// Lines of the page's width, indented.
+fn wrapped(text: &str, indent: usize) -> String {
+    let mut out = String::new();
+    let mut column = 0;
+    for word in text.split_whitespace() {
+        let length = word.chars().count();
+        if column == 0 || column + 1 + length > WIDTH {
+            if column > 0 {
+                out.push('\n');
+            }
+            out.push_str(&" ".repeat(indent));
+            column = indent;
+        } else {
+            out.push(' ');
+            column += 1;
+        }
+        out.push_str(word);
+        column += length;
+    }
+    out
+}
