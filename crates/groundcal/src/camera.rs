@@ -182,18 +182,28 @@ fn remedy(constraint: Constraint) -> String {
 
 /// With priors any start will do that is on the right side: the linear solutions, else the best of a few focal lengths.
 fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, priors: &Priors) -> Option<ConicSolution> {
+    let better = |best: ConicSolution, next: ConicSolution| {
+        if next.chi_squared < best.chi_squared * (1.0 - 1e-9) { next } else { best }
+    };
+    let attempt = |start: Parameters| {
+        refine(points, &start, Constraint::Auto.free(), priors)
+            .filter(|s| s.parameters.iter().all(|v| v.is_finite()) && s.parameters[0].abs() < 5.0)
+    };
     let linear = [Constraint::Square, Constraint::Focal]
         .into_iter()
         .filter(|c| points.len() >= c.attitudes_needed())
-        .filter_map(|c| solve_linear(points, c, options.aspect).ok());
+        .find_map(|c| solve_linear(points, c, options.aspect).ok())
+        .and_then(attempt);
+    // Good enough that no other minimum can be better by much?
+    if let Some(s) = &linear {
+        if chi_squared_survival(s.chi_squared, s.degrees_of_freedom) > DISAGREEMENT_P {
+            return linear;
+        }
+    }
     let grid = [0.6f64, 1.2, 2.4, 4.8, 9.6]
         .into_iter()
-        .map(|f| Parameters::from([f.ln(), options.aspect.ln(), 0.0, 0.0, 0.0]));
-    linear
-        .chain(grid)
-        .filter_map(|start| refine(points, &start, Constraint::Auto.free(), priors))
-        .filter(|s| s.parameters.iter().all(|v| v.is_finite()) && s.parameters[0].abs() < 5.0)
-        .reduce(|best, next| if next.chi_squared < best.chi_squared * (1.0 - 1e-9) { next } else { best })
+        .filter_map(|f| attempt(Parameters::from([f.ln(), options.aspect.ln(), 0.0, 0.0, 0.0])));
+    linear.into_iter().chain(grid).reduce(better)
 }
 
 /// Refuses an answer whose error bar is so wide that the linearised interval means nothing.

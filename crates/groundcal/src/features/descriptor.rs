@@ -45,8 +45,7 @@ pub(super) fn describe(space: &ScaleSpace, extremum: &Extremum, out: &mut Featur
     let (x, y) = (extremum.x / octave.pixel_px, extremum.y / octave.pixel_px);
     let scale = extremum.scale / octave.pixel_px;
     for angle_rad in directions(image, x, y, scale) {
-        let descriptor = histogram(image, x, y, scale, angle_rad);
-        if let Some(descriptor) = descriptor {
+        if let Some(descriptor) = histogram(image, x, y, scale, angle_rad) {
             out.points.push(Feature {
                 x: extremum.x,
                 y: extremum.y,
@@ -59,32 +58,63 @@ pub(super) fn describe(space: &ScaleSpace, extremum: &Extremum, out: &mut Featur
     }
 }
 
-/// Gradient by central differences; the pixel must not lie on the border.
-#[inline]
-fn gradient(image: &GrayImage, x: usize, y: usize) -> (f32, f32) {
-    (image.get(x + 1, y) - image.get(x - 1, y), image.get(x, y + 1) - image.get(x, y - 1))
+/// A square window of the image around a feature, clipped so that every pixel has four neighbours.
+struct Window {
+    x: std::ops::Range<usize>,
+    y: std::ops::Range<usize>,
+    /// exp(-d² / 2σ²) for each column and each row, d from the feature; their product is the Gaussian weight.
+    weight_x: Vec<f32>,
+    weight_y: Vec<f32>,
+    magnitude: Vec<f32>,
+    angle: Vec<f32>,
+}
+
+impl Window {
+    fn new(image: &GrayImage, x: f32, y: f32, radius: f32, sigma: f32) -> Self {
+        let side = |centre: f32, length: usize| {
+            let low = (centre - radius).round().max(1.0) as usize;
+            let high = (centre + radius).round().min(length as f32 - 2.0);
+            low..if high >= low as f32 { high as usize + 1 } else { low }
+        };
+        let (columns, rows) = (side(x, image.width()), side(y, image.height()));
+        let falloff = -1.0 / (2.0 * sigma * sigma);
+        let weights = |range: &std::ops::Range<usize>, centre: f32| -> Vec<f32> {
+            range.clone().map(|i| ((i as f32 - centre).powi(2) * falloff).exp()).collect()
+        };
+        Self {
+            weight_x: weights(&columns, x),
+            weight_y: weights(&rows, y),
+            magnitude: vec![0.0; columns.len()],
+            angle: vec![0.0; columns.len()],
+            x: columns,
+            y: rows,
+        }
+    }
+
+    /// Weighted gradient magnitudes and directions of a row of the window, by central differences.
+    fn fill(&mut self, image: &GrayImage, y: usize) {
+        let (x, n) = (self.x.start, self.x.len());
+        let row = image.row(y);
+        let (left, right) = (&row[x - 1..x - 1 + n], &row[x + 1..x + 1 + n]);
+        let (above, below) = (&image.row(y - 1)[x..x + n], &image.row(y + 1)[x..x + n]);
+        let weight_y = self.weight_y[y - self.y.start];
+        for i in 0..n {
+            let (gx, gy) = (right[i] - left[i], below[i] - above[i]);
+            self.magnitude[i] = (gx * gx + gy * gy).sqrt() * (self.weight_x[i] * weight_y);
+            self.angle[i] = direction(gy, gx);
+        }
+    }
 }
 
 fn directions(image: &GrayImage, x: f32, y: f32, scale: f32) -> Vec<f32> {
     let sigma = 1.5 * scale;
-    let radius = (3.0 * sigma).round() as isize;
-    let (cx, cy) = (x.round() as isize, y.round() as isize);
+    let mut window = Window::new(image, x, y, 3.0 * sigma, sigma);
     let mut histogram = [0.0f32; DIRECTIONS];
-    let falloff = -1.0 / (2.0 * sigma * sigma);
-    for dy in -radius..=radius {
-        let py = cy + dy;
-        if py < 1 || py + 1 >= image.height() as isize {
-            continue;
-        }
-        for dx in -radius..=radius {
-            let px = cx + dx;
-            if px < 1 || px + 1 >= image.width() as isize {
-                continue;
-            }
-            let (gx, gy) = gradient(image, px as usize, py as usize);
-            let weight = ((dx * dx + dy * dy) as f32 * falloff).exp() * (gx * gx + gy * gy).sqrt();
+    for py in window.y.clone() {
+        window.fill(image, py);
+        for (weight, angle) in window.magnitude.iter().zip(&window.angle) {
             // Shared between the two nearest bins.
-            let position = direction(gy, gx) * (DIRECTIONS as f32 / TAU);
+            let position = angle * (DIRECTIONS as f32 / TAU);
             let low = position as usize;
             let fraction = position - low as f32;
             histogram[low % DIRECTIONS] += weight * (1.0 - fraction);
@@ -117,29 +147,24 @@ fn directions(image: &GrayImage, x: f32, y: f32, scale: f32) -> Vec<f32> {
 
 fn histogram(image: &GrayImage, x: f32, y: f32, scale: f32, angle: f32) -> Option<[f32; DESCRIPTOR_LENGTH]> {
     let side = CELL_SIDE * scale;
-    let radius = (side * std::f32::consts::SQRT_2 * (CELLS as f32 + 1.0) * 0.5).round() as isize;
+    let radius = side * std::f32::consts::SQRT_2 * (CELLS as f32 + 1.0) * 0.5;
+    // The Gaussian over the cells has half the descriptor's width as its deviation.
+    let mut window = Window::new(image, x, y, radius, 0.5 * CELLS as f32 * side);
     let (sin, cos) = (angle.sin() / side, angle.cos() / side);
-    let (cx, cy) = (x.round() as isize, y.round() as isize);
-    let (fx, fy) = (x - cx as f32, y - cy as f32);
     // A margin of one cell takes what falls outside.
     const WIDE: usize = CELLS + 2;
     let mut cells = [0.0f32; WIDE * WIDE * BINS];
-    let falloff = -2.0 / (CELLS * CELLS) as f32;
-    let half = CELLS as f32 * 0.5;
-    let (w, h) = (image.width() as isize, image.height() as isize);
-    for py in (cy - radius).max(1)..=(cy + radius).min(h - 2) {
-        let dy = (py - cy) as f32 - fy;
-        for px in (cx - radius).max(1)..=(cx + radius).min(w - 2) {
-            let dx = (px - cx) as f32 - fx;
-            let u = cos * dx + sin * dy;
-            let v = cos * dy - sin * dx;
-            let (column, row) = (u + half + 0.5, v + half + 0.5);
+    let middle = CELLS as f32 * 0.5 + 0.5;
+    for py in window.y.clone() {
+        window.fill(image, py);
+        let dy = py as f32 - y;
+        for (i, px) in window.x.clone().enumerate() {
+            let dx = px as f32 - x;
+            let (column, row) = (cos * dx + sin * dy + middle, cos * dy - sin * dx + middle);
             if column <= 0.0 || row <= 0.0 || column >= (WIDE - 1) as f32 || row >= (WIDE - 1) as f32 {
                 continue;
             }
-            let (gx, gy) = gradient(image, px as usize, py as usize);
-            let magnitude = (gx * gx + gy * gy).sqrt() * ((u * u + v * v) * falloff).exp();
-            let mut turn = direction(gy, gx) - angle;
+            let mut turn = window.angle[i] - angle;
             if turn < 0.0 {
                 turn += TAU;
             }
@@ -148,9 +173,10 @@ fn histogram(image: &GrayImage, x: f32, y: f32, scale: f32, angle: f32) -> Optio
             let (fc, fr, fb) = (column - c0 as f32, row - r0 as f32, bin - b0 as f32);
             let (b0, b1) = (b0 % BINS, (b0 + 1) % BINS);
             for (r, wr) in [(r0, 1.0 - fr), (r0 + 1, fr)] {
+                let in_row = window.magnitude[i] * wr;
                 for (c, wc) in [(c0, 1.0 - fc), (c0 + 1, fc)] {
                     let cell = &mut cells[(r * WIDE + c) * BINS..][..BINS];
-                    let value = magnitude * wr * wc;
+                    let value = in_row * wc;
                     cell[b0] += value * (1.0 - fb);
                     cell[b1] += value * fb;
                 }

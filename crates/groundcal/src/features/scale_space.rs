@@ -96,23 +96,25 @@ fn extrema_of_layer(
 ) {
     let threshold = (0.5 * options.contrast_threshold / LAYERS as f64) as f32;
     let (w, h) = (differences[0].width(), differences[0].height());
-    let here = &differences[layer];
+    // Highest and lowest of the nine values in this column: three rows of three layers.
+    let (mut high, mut low) = (vec![0.0f32; w], vec![0.0f32; w]);
     for y in BORDER..h - BORDER {
-        let (above, row, below) = (here.row(y - 1), here.row(y), here.row(y + 1));
+        let row = differences[layer].row(y);
+        high.copy_from_slice(row);
+        low.copy_from_slice(row);
+        for difference in &differences[layer - 1..=layer + 1] {
+            for neighbour in [y - 1, y, y + 1] {
+                for ((top, bottom), &v) in high.iter_mut().zip(&mut low).zip(difference.row(neighbour)) {
+                    *top = if v > *top { v } else { *top };
+                    *bottom = if v < *bottom { v } else { *bottom };
+                }
+            }
+        }
         for x in BORDER..w - BORDER {
             let v = row[x];
-            if v.abs() <= threshold {
-                continue;
-            }
-            let sign = v.signum();
-            let beats =
-                |r: &[f32]| sign * v >= sign * r[x - 1] && sign * v >= sign * r[x] && sign * v >= sign * r[x + 1];
-            let own = sign * v >= sign * row[x - 1] && sign * v >= sign * row[x + 1];
-            if !(own && beats(above) && beats(below)) {
-                continue;
-            }
-            let beats_layer = |d: &GrayImage| beats(d.row(y - 1)) && beats(d.row(y)) && beats(d.row(y + 1));
-            if beats_layer(&differences[layer - 1]) && beats_layer(&differences[layer + 1]) {
+            let is_extremum = (v > threshold && v >= high[x - 1] && v >= high[x] && v >= high[x + 1])
+                || (v < -threshold && v <= low[x - 1] && v <= low[x] && v <= low[x + 1]);
+            if is_extremum {
                 if let Some((fx, fy, fs, response, final_layer)) = locate(differences, layer, x, y, options) {
                     found.push(Extremum {
                         x: fx * pixel_px,
@@ -188,11 +190,7 @@ fn locate(
 }
 
 fn subtract(a: &GrayImage, b: &GrayImage) -> GrayImage {
-    let mut out = a.clone();
-    for (o, v) in out.data_mut().iter_mut().zip(b.data()) {
-        *o -= v;
-    }
-    out
+    GrayImage::from_fn_of(a, b, |x, y| x - y)
 }
 
 /// Twice the size by linear interpolation; pixel i of the image is pixel 2 i of the result.
@@ -234,9 +232,43 @@ fn halve(image: &GrayImage) -> GrayImage {
     out
 }
 
-/// Gaussian blur, borders repeated; the kernel reaches to four standard deviations.
+/// Columns summed up at once: their sums stay in registers.
+const LANES: usize = 16;
+
+/// Weighted sum of symmetric neighbours for the `LANES` (or, at the end of a row, fewer) values from column `x` on.
+/// `at(i)` gives the two rows (or the row, shifted) `i` steps to either side.
+#[inline(always)]
+fn symmetric_sum<'a>(out: &mut [f32], weights: &[f32], at: impl Fn(usize) -> (&'a [f32], &'a [f32])) {
+    let width = out.len();
+    let whole = width - width % LANES;
+    for x in (0..whole).step_by(LANES) {
+        let mut sums = [0.0f32; LANES];
+        let centre = &at(0).0[x..x + LANES];
+        for (s, v) in sums.iter_mut().zip(centre) {
+            *s = weights[0] * v;
+        }
+        for (i, weight) in weights.iter().enumerate().skip(1) {
+            let (before, after) = at(i);
+            let (before, after) = (&before[x..x + LANES], &after[x..x + LANES]);
+            for ((s, b), a) in sums.iter_mut().zip(before).zip(after) {
+                *s += weight * (b + a);
+            }
+        }
+        out[x..x + LANES].copy_from_slice(&sums);
+    }
+    for x in whole..width {
+        let mut sum = weights[0] * at(0).0[x];
+        for (i, weight) in weights.iter().enumerate().skip(1) {
+            let (before, after) = at(i);
+            sum += weight * (before[x] + after[x]);
+        }
+        out[x] = sum;
+    }
+}
+
+/// Gaussian blur, borders repeated; the kernel reaches to three and a half standard deviations.
 pub(crate) fn blur(image: &GrayImage, sigma: f64) -> GrayImage {
-    let radius = (4.0 * sigma).ceil().max(1.0) as usize;
+    let radius = (3.5 * sigma).ceil().max(1.0) as usize;
     let weights: Vec<f64> = (0..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
     let total = weights[0] + 2.0 * weights[1..].iter().sum::<f64>();
     let weights: Vec<f32> = weights.iter().map(|w| (w / total) as f32).collect();
@@ -249,27 +281,11 @@ pub(crate) fn blur(image: &GrayImage, sigma: f64) -> GrayImage {
         padded[..radius].fill(row[0]);
         padded[radius..radius + w].copy_from_slice(row);
         padded[radius + w..].fill(row[w - 1]);
-        for (o, v) in out.iter_mut().zip(&padded[radius..]) {
-            *o = weights[0] * v;
-        }
-        for (i, weight) in weights.iter().enumerate().skip(1) {
-            let (left, right) = (&padded[radius - i..radius - i + w], &padded[radius + i..radius + i + w]);
-            for ((o, l), r) in out.iter_mut().zip(left).zip(right) {
-                *o += weight * (l + r);
-            }
-        }
+        symmetric_sum(out, &weights, |i| (&padded[radius - i..radius - i + w], &padded[radius + i..radius + i + w]));
     }
     let mut down = GrayImage::filled(image.size(), 0.0);
     for (y, out) in down.data_mut().chunks_exact_mut(w).enumerate() {
-        for (o, v) in out.iter_mut().zip(across.row(y)) {
-            *o = weights[0] * v;
-        }
-        for (i, weight) in weights.iter().enumerate().skip(1) {
-            let (up, low) = (across.row(y.saturating_sub(i)), across.row((y + i).min(h - 1)));
-            for ((o, u), l) in out.iter_mut().zip(up).zip(low) {
-                *o += weight * (u + l);
-            }
-        }
+        symmetric_sum(out, &weights, |i| (across.row(y.saturating_sub(i)), across.row((y + i).min(h - 1))));
     }
     down
 }
