@@ -3,7 +3,7 @@
 use std::{hint::black_box, time::Instant};
 
 use groundcal::{
-    attitude_groups::Motion,
+    attitude_groups::{Motion, Sides},
     camera::{CameraOptions, solve_camera},
     circular_points::from_homography,
     correspondence::PointMatch,
@@ -87,7 +87,9 @@ fn run() {
             let motions: Vec<Motion> = estimates
                 .iter()
                 .enumerate()
-                .filter_map(|(i, e)| Some(Motion { from: 2 * i, to: 2 * i + 1, geometry: from_homography(e).ok()? }))
+                .filter_map(|(i, e)| {
+                    Some(Motion { from: 2 * i, to: 2 * i + 1, geometry: from_homography(e).ok()?, sides: Sides::One })
+                })
                 .collect();
             solve_camera(&motions, &frame, &options)
         };

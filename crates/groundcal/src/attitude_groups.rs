@@ -10,6 +10,7 @@ use crate::{
     absolute_conic::WeightedPoint,
     circular_points::{CircularPoint, MotionGeometry},
     intrinsics::Intrinsics,
+    statistics::chi_squared_survival,
 };
 
 /// A pair of views with what its homography says.
@@ -21,6 +22,17 @@ pub struct Motion {
     pub to: usize,
     /// Circular point, angle, ρ.
     pub geometry: MotionGeometry,
+    /// Where the matched points lie.
+    pub sides: Sides,
+}
+
+/// Where the points of a motion lie with respect to the horizon that the motion implies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Sides {
+    /// On one side: they can lie on a floor.
+    One,
+    /// On both: no floor is seen from above and below; they can only be far away, the camera turning on the spot.
+    Both,
 }
 
 /// Motions of one attitude.
@@ -75,7 +87,8 @@ pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint) -> f64 {
     (total + floor).try_inverse().map_or(f64::INFINITY, |i| (difference.transpose() * i * difference)[(0, 0)])
 }
 
-/// Joins motions that share an attitude, with axis errors of `attitude_sigma_rad` as seen by the camera `k` (frame units).
+/// Joins motions that share an attitude, with axis errors of `attitude_sigma_rad` as seen by the camera `k` (frame units):
+/// those that share an image, since an image has one attitude, and those whose circular points agree.
 pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) -> Vec<AttitudeGroup> {
     let weighted: Vec<WeightedPoint> = motions
         .iter()
@@ -84,56 +97,88 @@ pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f
             covariance: m.geometry.circular_point.total_covariance(k, attitude_sigma_rad),
         })
         .collect();
-    // From the best known to the worst, so that a vague motion joins a group instead of founding one.
-    let mut order: Vec<usize> = (0..motions.len()).collect();
-    order.sort_by(|&i, &j| weighted[i].covariance.trace().total_cmp(&weighted[j].covariance.trace()).then(i.cmp(&j)));
-    let mut groups: Vec<AttitudeGroup> = Vec::new();
-    for i in order {
-        let nearest = groups
+    let mut groups: Vec<AttitudeGroup> =
+        connected_by_images(motions).into_iter().map(|members| join(members, &weighted, motions)).collect();
+    // From the best known to the worst, so that a vague group joins another instead of founding one.
+    groups.sort_by(|a, b| {
+        (a.fused.covariance.trace().total_cmp(&b.fused.covariance.trace())).then(a.members[0].cmp(&b.members[0]))
+    });
+    let mut apart: Vec<AttitudeGroup> = Vec::new();
+    for group in groups {
+        let nearest = apart
             .iter_mut()
-            .map(|g| (attitude_distance(&g.fused, &weighted[i]), g))
+            .map(|g| (attitude_distance(&g.fused, &group.fused), g))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .filter(|(distance, _)| *distance < DIFFERENT_ATTITUDE);
         match nearest {
-            Some((_, group)) => {
-                group.members.push(i);
-                if let Some(fused) = fuse(&group.fused, &weighted[i]) {
-                    group.fused = fused;
+            Some((_, known)) => {
+                known.members.extend(group.members);
+                if let Some(fused) = fuse(&known.fused, &group.fused) {
+                    known.fused = fused;
                 }
             }
-            None => groups.push(AttitudeGroup { members: vec![i], fused: weighted[i].clone() }),
+            None => apart.push(group),
         }
     }
-    for group in &mut groups {
+    for group in &mut apart {
         group.members.sort_unstable();
-        group.fused.covariance *= redundancy(&group.members, motions);
     }
-    groups.sort_by_key(|g| g.members[0]);
-    groups
+    apart.sort_by_key(|g| g.members[0]);
+    apart
 }
 
-/// How many times the motions of a group are counted: V views joined by motions hold V - (connected sets) independent
-/// ones; all pairs among them repeat the same image noise.
-fn redundancy(members: &[usize], motions: &[Motion]) -> f64 {
-    let mut root: std::collections::BTreeMap<usize, usize> = std::collections::BTreeMap::new();
-    fn find(root: &mut std::collections::BTreeMap<usize, usize>, v: usize) -> usize {
-        let parent = *root.entry(v).or_insert(v);
-        if parent == v {
-            return v;
-        }
-        let top = find(root, parent);
-        root.insert(v, top);
-        top
+/// Sets of motions joined by common images.
+fn connected_by_images(motions: &[Motion]) -> Vec<Vec<usize>> {
+    let mut sets: Vec<(std::collections::BTreeSet<usize>, Vec<usize>)> = Vec::new();
+    for (i, m) in motions.iter().enumerate() {
+        let (mut images, mut members) = (std::collections::BTreeSet::from([m.from, m.to]), vec![i]);
+        sets.retain_mut(|(known, list)| {
+            let touches = known.contains(&m.from) || known.contains(&m.to);
+            if touches {
+                images.append(known);
+                members.append(list);
+            }
+            !touches
+        });
+        members.sort_unstable();
+        sets.push((images, members));
     }
-    let mut independent = 0;
-    for &m in members {
-        let (a, b) = (find(&mut root, motions[m].from), find(&mut root, motions[m].to));
-        if a != b {
-            root.insert(a, b);
-            independent += 1;
+    sets.into_iter().map(|(_, members)| members).collect()
+}
+
+/// One circular point for motions of one attitude. All pairs among V images repeat the noise of V - 1 independent ones,
+/// and members that disagree by more than their noise widen the result by what they disagree.
+fn join(members: Vec<usize>, weighted: &[WeightedPoint], motions: &[Motion]) -> AttitudeGroup {
+    let best = members
+        .iter()
+        .copied()
+        .min_by(|&i, &j| weighted[i].covariance.trace().total_cmp(&weighted[j].covariance.trace()).then(i.cmp(&j)));
+    let mut fused = weighted[best.unwrap_or(members[0])].clone();
+    for &m in members.iter().filter(|m| Some(**m) != best) {
+        if let Some(next) = fuse(&fused, &weighted[m]) {
+            fused = next;
         }
     }
-    (members.len() as f64 / independent.max(1) as f64).max(1.0)
+    let images: std::collections::BTreeSet<usize> =
+        members.iter().flat_map(|&m| [motions[m].from, motions[m].to]).collect();
+    let repeated = (members.len() as f64 / (images.len() - 1) as f64).max(1.0);
+    let mut disagreement = 1.0;
+    if members.len() > 1 {
+        let dof = 4 * (members.len() - 1);
+        let chi_squared: f64 = members.iter().map(|&m| squared_difference(&fused, &weighted[m])).sum();
+        if chi_squared_survival(chi_squared, dof) < 0.01 {
+            disagreement = chi_squared / dof as f64;
+        }
+    }
+    fused.covariance *= repeated * disagreement;
+    AttitudeGroup { members, fused }
+}
+
+/// Squared distance of a member from the mean, in units of the member's own covariance.
+fn squared_difference(mean: &WeightedPoint, member: &WeightedPoint) -> f64 {
+    let Some((difference, covariance)) = in_tangent_of(&mean.point, member) else { return f64::INFINITY };
+    let floor = Matrix4::from_diagonal_element(1e-20 + 1e-12 * covariance.trace());
+    (covariance + floor).try_inverse().map_or(f64::INFINITY, |i| (difference.transpose() * i * difference)[(0, 0)])
 }
 
 /// The weighted mean of two circular points.
@@ -153,7 +198,7 @@ fn fuse(base: &WeightedPoint, other: &WeightedPoint) -> Option<WeightedPoint> {
     let v = v.unscale(v.norm());
     let symmetric = (fused + fused.transpose()) * 0.5;
     Some(WeightedPoint {
-        point: CircularPoint { point, tangent: [u, v], covariance: symmetric, sensitivity: None },
+        point: CircularPoint { point, tangent: [u, v], covariance: symmetric, sensitivity: None, by_k1: None },
         covariance: symmetric,
     })
 }

@@ -4,12 +4,12 @@
 //! images ([`calibrate_images`]), matches ([`calibrate_matches`]), homographies ([`calibrate_homographies`]) or circular
 //! points ([`calibrate_circular_points`]).
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Vector2, Vector3, Vector4};
 use rayon::prelude::*;
 
 use crate::{
     absolute_conic::Constraint,
-    attitude_groups::Motion,
+    attitude_groups::{Motion, Sides},
     camera::{CameraOptions, CameraSolution, solve_camera},
     circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, from_homography},
     correspondence::{ImagePair, PointMatch, validated},
@@ -22,6 +22,7 @@ use crate::{
     },
     image::{GrayImage, ImageSize},
     intrinsics::Intrinsics,
+    linalg::complex_pair_eigen,
     motions::{ConsistencyOptions, Verdict, find_consistent},
     result::{
         AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, Prior, StandardDeviation,
@@ -86,6 +87,18 @@ const PRINCIPAL_POINT_SIGMA: f64 = 0.05;
 const GIVEN_PRINCIPAL_POINT_SIGMA: f64 = 0.01;
 /// The same in the search for consistent motions, where nothing should be lost to an odd lens.
 const SEARCH_PRINCIPAL_POINT_SIGMA: f64 = 0.1;
+/// Least deviation of the attitudes in the search: what is left of lens distortion and of a scene that is not quite a plane
+/// moves circular points by more than the noise says, and a motion is not to be lost for it. Pairs of images of different
+/// attitudes are off by degrees.
+const SEARCH_ATTITUDE_SIGMA_DEG: f64 = 0.3;
+/// Deviation of the k1 that the search takes to be still there, given or not: a given one has its own error and no lens has
+/// k1 alone.
+const SEARCH_K1_SIGMA: f64 = 0.05;
+/// Deviation of a circular point's direction in the search for all other faults of the model (higher distortion, a scene not
+/// quite flat or not quite at infinity): a third of a degree.
+const SEARCH_DIRECTION_SIGMA: f64 = 0.006;
+/// Fraction of points beyond the horizon from which on a scene is no floor.
+const MINOR_SIDE: f64 = 0.05;
 /// Squared distance beyond which a motion disagrees with the camera of the others: 99.9 % of chi-squared with two degrees
 /// of freedom.
 const MOTION_GATE: f64 = 13.8;
@@ -373,7 +386,7 @@ pub fn calibrate_circular_points(
             })?;
             let geometry =
                 MotionGeometry { circular_point, rotation_rad: 0.0, rotation_sigma_rad: 0.0, rho: 1.0, rho_sigma: 0.0 };
-            Ok(Motion { from: 2 * i, to: 2 * i + 1, geometry })
+            Ok(Motion { from: 2 * i, to: 2 * i + 1, geometry, sides: Sides::One })
         })
         .collect::<Result<_, Error>>()?;
     solve_camera(&motions, &frame, &options.camera(size))
@@ -512,7 +525,11 @@ impl Pipeline<'_> {
         robust.min_inliers = self.min_matches.max(6);
         robust.ransac.seed = self.options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
         match estimate_robust(&ideal, &self.frame(), &robust) {
-            Err(error) => refuse(format!("no plane: {error}"), RefusalKind::NoPlane, None),
+            Err(_) => refuse(
+                format!("no common plane: none of {candidates} matches agree on one"),
+                RefusalKind::NoPlane,
+                None,
+            ),
             Ok(found) if found.inliers.len() < self.min_matches => {
                 let text = format!(
                     "no common plane: {} of {candidates} matches agree on one ({} needed)",
@@ -525,8 +542,41 @@ impl Pipeline<'_> {
                 let text = format!("nothing moved: {} of {candidates} matches stand still", found.inliers.len());
                 refuse(text, RefusalKind::Static, Some(found))
             }
-            Ok(found) => PairResult { candidates, outcome: geometry_of(found) },
+            Ok(found) => {
+                let mut outcome = geometry_of(found);
+                if let Ok((robust, geometry)) = &mut outcome {
+                    geometry.circular_point.by_k1 = self.shift_by_k1(&ideal, robust, &geometry.circular_point);
+                }
+                PairResult { candidates, outcome }
+            }
         }
+    }
+
+    /// The change of a circular point for each unit of k1 undone, by a difference: both homographies from the same (at most
+    /// a few hundred) inliers.
+    fn shift_by_k1(
+        &self,
+        matches: &[PointMatch],
+        robust: &RobustHomography,
+        point: &CircularPoint,
+    ) -> Option<Vector4<f64>> {
+        const STEP: f64 = 0.02;
+        const ENOUGH: usize = 300;
+        let [cx, cy] = self.options.principal_point_px.unwrap_or(self.size.centre_px());
+        let lens = Lens {
+            distortion: Distortion::radial(STEP, 0.0),
+            intrinsics: Intrinsics::square(self.size.width.max(self.size.height) as f64, cx, cy),
+        };
+        let stride = robust.inliers.len().div_ceil(ENOUGH);
+        let some: Vec<PointMatch> = robust.inliers.iter().step_by(stride).map(|&k| matches[k]).collect();
+        let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal(m)).collect();
+        let coordinates = |matches: &[PointMatch]| {
+            let start = &robust.estimate.in_frame;
+            let estimate = refine(matches, Some(start), &self.frame(), &RefineOptions::default()).ok()?;
+            let eigen = complex_pair_eigen(&estimate.in_frame)?;
+            Some(point.coordinates_of(&eigen.complex_right))
+        };
+        Some((coordinates(&undone)? - coordinates(&some)?) / STEP)
     }
 
     /// Consistent motions among the pairs with circular points: indices of pairs, and a verdict each.
@@ -536,32 +586,53 @@ impl Pipeline<'_> {
         pairs: &[ImagePair],
         trusted: bool,
     ) -> Result<(Vec<(usize, Motion)>, Vec<Verdict>), Error> {
+        let frame = self.frame();
         let motions: Vec<(usize, Motion)> = results
             .iter()
             .enumerate()
             .filter_map(|(i, r)| {
-                let (_, geometry) = r.outcome.as_ref().ok()?;
-                Some((i, Motion { from: pairs[i].from, to: pairs[i].to, geometry: geometry.clone() }))
+                let (robust, geometry) = r.outcome.as_ref().ok()?;
+                let points = robust.inliers.iter().map(|&k| frame.from_pixel(&pairs[i].matches[k].a));
+                let sides = if geometry.minor_side(points) > MINOR_SIDE { Sides::Both } else { Sides::One };
+                Some((i, Motion { from: pairs[i].from, to: pairs[i].to, geometry: geometry.clone(), sides }))
             })
             .collect();
         if motions.is_empty() {
             return Err(self.why_nothing(results));
         }
         let bare: Vec<Motion> = motions.iter().map(|(_, m)| m.clone()).collect();
-        let verdicts = if trusted || bare.len() == 1 {
-            vec![Verdict::Accepted; bare.len()]
-        } else {
-            let frame = self.frame();
-            find_consistent(
-                &bare,
-                &ConsistencyOptions {
-                    attitude_sigma_rad: self.options.attitude_sigma_deg.to_radians(),
-                    principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * self.size.width as f64 / frame.scale_px,
-                    aspect: self.options.aspect.unwrap_or(1.0),
-                    gate: MOTION_GATE,
-                },
-            )
+        if trusted || bare.len() == 1 {
+            let verdicts = vec![Verdict::Accepted; bare.len()];
+            return Ok((motions, verdicts));
+        }
+        let consistency = ConsistencyOptions {
+            attitude_sigma_rad: self.options.attitude_sigma_deg.max(SEARCH_ATTITUDE_SIGMA_DEG).to_radians(),
+            k1_sigma: SEARCH_K1_SIGMA,
+            direction_sigma: SEARCH_DIRECTION_SIGMA,
+            principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * self.size.width as f64 / frame.scale_px,
+            aspect: self.options.aspect.unwrap_or(1.0),
+            gate: MOTION_GATE,
         };
+        let selection = find_consistent(&bare, &consistency);
+        // Of two motions that disagree the better one is used, with a warning; from three on, agreement is asked for.
+        if bare.len() >= 3 && selection.log_odds < selection.needed_log_odds {
+            let agreeing = selection.verdicts.iter().filter(|v| **v == Verdict::Accepted).count();
+            return Err(Error::NoUsableMotion {
+                pairs: bare.len(),
+                reason: format!(
+                    "of the {} pairs that show a turning plane the best set that agrees on one camera has {agreeing}, no more than \
+                     coincidence gives (log odds {:.1}, {:.1} needed): these are not turns about the floor's normal, or the lens \
+                     distortion is large",
+                    bare.len(),
+                    selection.log_odds,
+                    selection.needed_log_odds
+                ),
+                remedy: "Turn the camera without tilting it between the images of a motion; name the true motions with --pairs; give \
+                         --k1 for a wide lens, or --attitude-sigma-deg for a carrier that pitches"
+                    .into(),
+            });
+        }
+        let verdicts = selection.verdicts;
         Ok((motions, verdicts))
     }
 
@@ -610,7 +681,7 @@ impl Pipeline<'_> {
                 let (robust, _) = results[i].outcome.as_ref().ok()?;
                 let estimate = self.refit(&pairs[i], robust, lens)?;
                 let geometry = from_homography(&estimate).ok()?;
-                Some(Motion { from: pairs[i].from, to: pairs[i].to, geometry })
+                Some(Motion { from: pairs[i].from, to: pairs[i].to, geometry, sides: Sides::One })
             })
             .collect();
         solve_camera(&motions, &self.frame(), &self.options.camera(self.size))
@@ -627,11 +698,15 @@ impl Pipeline<'_> {
             .zip(pairs)
             .map(|(result, pair)| {
                 let outcome = match result.outcome {
-                    Ok((mut robust, _)) => {
+                    Ok((mut robust, geometry)) => {
                         if let Some(estimate) = self.refit(pair, &robust, lens) {
                             robust.estimate = estimate;
                         }
-                        geometry_of(robust)
+                        let by_k1 = geometry.circular_point.by_k1;
+                        geometry_of(robust).map(|(robust, mut geometry)| {
+                            geometry.circular_point.by_k1 = by_k1;
+                            (robust, geometry)
+                        })
                     }
                     refused => refused,
                 };
@@ -812,6 +887,9 @@ impl Pipeline<'_> {
                         Some(format!("not a turn about the floor's normal: no agreement with the other motions' camera ({sigmas:.0} sigma)"))
                     }
                     (Ok(_), Some(Verdict::Disagrees { .. })) => Some("agrees with no camera".to_string()),
+                    (Ok(_), Some(Verdict::WrongSides)) => Some(
+                        "not a turn about the floor's normal: the horizon it implies passes between its points".to_string(),
+                    ),
                     (Ok(_), Some(Verdict::OtherAttitude { motion, image, sigmas })) => {
                         let other = &motions[motion].1;
                         Some(format!(

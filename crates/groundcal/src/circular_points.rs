@@ -10,7 +10,7 @@
 //! the horizon. Everything is in frame coordinates (see [`crate::frame`]), the same for both images. First-order
 //! propagation: δe = Σ_k l_kᵀ δH e / ((λ - λ_k) l_kᵀ r_k) r_k over the other two eigenpairs.
 
-use nalgebra::{Complex, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
+use nalgebra::{Complex, Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3, Vector4};
 
 use crate::{
     homography::{Homography, HomographyCovariance, HomographyEstimate},
@@ -29,6 +29,9 @@ pub struct CircularPoint {
     pub covariance: Matrix4<f64>,
     /// How it moves with the homography, for the effect of an axis that is not quite normal to the plane.
     pub sensitivity: Option<Sensitivity>,
+    /// How it would move, in tangent coordinates, for each unit of radial distortion k1 undone (the focal length taken as
+    /// the longer image side); `None` where it is not known.
+    pub by_k1: Option<Vector4<f64>>,
 }
 
 /// The homography a circular point came from and the derivative of (Re α, Im α, Re β, Im β) by its entries.
@@ -65,7 +68,13 @@ impl CircularPoint {
             return None;
         }
         let tangent = unitary_tangent(&point);
-        Some(Self { point, tangent, covariance: Matrix4::from_diagonal_element(sigma * sigma), sensitivity: None })
+        Some(Self {
+            point,
+            tangent,
+            covariance: Matrix4::from_diagonal_element(sigma * sigma),
+            sensitivity: None,
+            by_k1: None,
+        })
     }
 
     /// The covariance with an axis that strays from the normal: each view's attitude has an independent error of
@@ -98,12 +107,23 @@ impl CircularPoint {
             tangent: self.tangent.map(|t| t.map(|z| z.conj())),
             covariance: flip * self.covariance * flip,
             sensitivity: self.sensitivity.as_ref().map(|s| Sensitivity { h: s.h, jacobian: flip * s.jacobian }),
+            by_k1: self.by_k1.map(|v| flip * v),
         }
     }
 
     /// The horizon l (l·x = 0, unit length, sign free): the real line through the point and its conjugate.
     pub fn horizon(&self) -> Option<Vector3<f64>> {
         horizon_of(&self.point)
+    }
+
+    /// The tangent coordinates of another point close to this one, or of its conjugate, whichever is closer.
+    pub fn coordinates_of(&self, other: &ComplexPoint) -> Vector4<f64> {
+        let conjugate = other.map(|z| z.conj());
+        let nearer =
+            if self.point.dotc(other).norm() >= self.point.dotc(&conjugate).norm() { other } else { &conjugate };
+        let along = self.point.dotc(nearer);
+        let [a, b] = self.tangent.map(|t| t.dotc(nearer) / along);
+        Vector4::new(a.re, a.im, b.re, b.im)
     }
 
     /// The point moved by tangent coordinates.
@@ -137,6 +157,19 @@ pub struct MotionGeometry {
     pub rho: f64,
     /// Its standard deviation.
     pub rho_sigma: f64,
+}
+
+impl MotionGeometry {
+    /// The smaller of the fractions of points (frame coordinates) on either side of the horizon: 0 to 0.5.
+    pub fn minor_side(&self, points: impl Iterator<Item = Vector2<f64>>) -> f64 {
+        let Some(l) = self.circular_point.horizon() else { return 0.0 };
+        let (mut all, mut positive) = (0usize, 0usize);
+        for p in points {
+            all += 1;
+            positive += usize::from(l.x * p.x + l.y * p.y + l.z > 0.0);
+        }
+        positive.min(all - positive) as f64 / all.max(1) as f64
+    }
 }
 
 /// Why a homography has no usable circular points.
@@ -234,6 +267,7 @@ fn geometry(h: &Matrix3<f64>, covariance: &HomographyCovariance) -> Result<Motio
             tangent,
             covariance,
             sensitivity: Some(Sensitivity { h: *h, jacobian }),
+            by_k1: None,
         },
         rotation_rad,
         rotation_sigma_rad,

@@ -4,12 +4,16 @@
 //! grows by the candidate that one camera explains best (logarithm of the odds of "on the conic of this camera", with the
 //! camera's own uncertainty, against "anywhere"), is refitted after each, and is scored by the sum of these. An image has
 //! one attitude, so motions that share an image must have the same circular point.
+//!
+//! A head that tilts about its optical centre also gives circular points on the conic, those of the planes across its tilt
+//! axis. They are told from the floor's by the horizon: a floor lies on one side of it. Motions with points on both sides
+//! (far scenes, a camera turning on the spot) are taken only where the floor does not explain the images.
 
-use nalgebra::SMatrix;
+use nalgebra::{Matrix4, SMatrix};
 
 use crate::{
     absolute_conic::{ConicSolution, Parameters, Priors, WeightedPoint, agreement, intrinsics_of, refine},
-    attitude_groups::{DIFFERENT_ATTITUDE, Motion, attitude_distance},
+    attitude_groups::{DIFFERENT_ATTITUDE, Motion, Sides, attitude_distance},
 };
 
 /// Options of [`find_consistent`].
@@ -17,6 +21,10 @@ use crate::{
 pub struct ConsistencyOptions {
     /// Standard deviation of each view's attitude about the axes across the floor's normal, in radians.
     pub attitude_sigma_rad: f64,
+    /// Standard deviation of a radial distortion k1 that was not undone.
+    pub k1_sigma: f64,
+    /// Standard deviation of each tangent coordinate of a circular point for other faults of the model.
+    pub direction_sigma: f64,
     /// Standard deviation of the principal point from the frame's origin, frame units.
     pub principal_point_sigma: f64,
     /// Expected fy / fx.
@@ -30,6 +38,8 @@ pub struct ConsistencyOptions {
 pub enum Verdict {
     /// In the consistent set.
     Accepted,
+    /// Its points lie on both sides of the horizon it implies, where a floor explains the others.
+    WrongSides,
     /// Its circular point is this many standard deviations off the conic of the others.
     Disagrees {
         /// Square root of the Mahalanobis distance.
@@ -46,10 +56,10 @@ pub enum Verdict {
     },
 }
 
-/// Odds (logarithm) given beforehand to a pair of images that follow each other, and to others: people take the two
-/// images of a motion one after the other.
-const NEIGHBOUR_LOG_ODDS: f64 = 1.5;
-const OTHER_LOG_ODDS: f64 = -1.0;
+/// Odds (logarithm) given beforehand to a pair of images that follow each other: people take the two images of a motion one
+/// after the other. Any other pair has odds of one to the number of pairs tried, so that chance agreement of one among many
+/// counts for nothing.
+const NEIGHBOUR_LOG_ODDS: f64 = 0.0;
 
 struct Hypothesis {
     members: Vec<usize>,
@@ -72,7 +82,11 @@ const SEARCH_LN_F: (f64, f64) = (0.6, 0.55);
 impl Search<'_> {
     fn weighted(&self, index: usize, p: &Parameters) -> WeightedPoint {
         let point = self.motions[index].geometry.circular_point.clone();
-        let covariance = point.total_covariance(&intrinsics_of(p), self.options.attitude_sigma_rad);
+        let mut covariance = point.total_covariance(&intrinsics_of(p), self.options.attitude_sigma_rad);
+        covariance += Matrix4::from_diagonal_element(self.options.direction_sigma.powi(2));
+        if let Some(shift) = point.by_k1 {
+            covariance += shift * shift.transpose() * self.options.k1_sigma.powi(2);
+        }
         WeightedPoint { point, covariance }
     }
 
@@ -95,7 +109,7 @@ impl Search<'_> {
 
     fn log_odds_beforehand(&self, index: usize) -> f64 {
         let m = &self.motions[index];
-        if m.to.abs_diff(m.from) == 1 { NEIGHBOUR_LOG_ODDS } else { OTHER_LOG_ODDS }
+        if m.to.abs_diff(m.from) == 1 { NEIGHBOUR_LOG_ODDS } else { -(self.motions.len() as f64).ln() }
     }
 
     fn conflicts(&self, index: usize, members: &[usize]) -> bool {
@@ -103,6 +117,9 @@ impl Search<'_> {
     }
 
     fn grow(&self, seed: usize) -> Option<Hypothesis> {
+        // Far points may lie on one side of the horizon by chance; points of a floor never lie on both.
+        let floor = self.motions[seed].sides == Sides::One;
+        let suits = |i: usize| !floor || self.motions[i].sides == Sides::One;
         let mut solution = self.found(seed)?;
         if solution.chi_squared > 2.0 * self.options.gate {
             return None;
@@ -111,7 +128,7 @@ impl Search<'_> {
         let mut score = self.log_odds_beforehand(seed);
         loop {
             let best = (0..self.motions.len())
-                .filter(|i| !members.contains(i) && !self.conflicts(*i, &members))
+                .filter(|&i| suits(i) && !members.contains(&i) && !self.conflicts(i, &members))
                 .filter_map(|i| {
                     let w = self.weighted(i, &solution.parameters);
                     let (distance, odds) = agreement(&solution.parameters, &solution.covariance, &w)?;
@@ -124,6 +141,11 @@ impl Search<'_> {
                 members.pop();
                 break;
             };
+            // Within the gate one by one and yet not together: a coincidence.
+            if next.chi_squared > self.options.gate * members.len() as f64 {
+                members.pop();
+                break;
+            }
             solution = next;
             score += gain;
         }
@@ -131,10 +153,23 @@ impl Search<'_> {
     }
 }
 
-/// The largest consistent set; one verdict a motion. Deterministic.
-pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Vec<Verdict> {
+/// The largest consistent set.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Selection {
+    /// One a motion.
+    pub verdicts: Vec<Verdict>,
+    /// Logarithm of the odds that the set is no coincidence.
+    pub log_odds: f64,
+    /// What coincidence among as many candidates reaches: a set with less is not to be trusted.
+    pub needed_log_odds: f64,
+}
+
+/// Finds the largest consistent set. Deterministic.
+pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Selection {
+    // Each of n candidates may found a set, and each set has n to choose from.
+    let needed_log_odds = 2.0 * (motions.len().max(1) as f64).ln();
     if motions.is_empty() {
-        return Vec::new();
+        return Selection { verdicts: Vec::new(), log_odds: 0.0, needed_log_odds };
     }
     let sigma = options.principal_point_sigma;
     let priors =
@@ -157,14 +192,30 @@ pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Vec<
     let hypotheses: Vec<Option<Hypothesis>> =
         (0..motions.len()).into_par_iter().map(|seed| search.grow(seed)).collect();
     // The earliest seed on a tie, whatever the threads did.
-    let best = hypotheses.into_iter().flatten().reduce(|best, next| if next.score > best.score { next } else { best });
-    let Some(best) = best else {
-        return vec![Verdict::Disagrees { sigmas: f64::INFINITY }; motions.len()];
+    let best_of = |sides: Sides| {
+        let seeded = hypotheses.iter().enumerate().filter(|(seed, _)| motions[*seed].sides == sides);
+        seeded.filter_map(|(_, h)| h.as_ref()).reduce(|best, next| if next.score > best.score { next } else { best })
     };
-    (0..motions.len())
+    let images = |h: &Hypothesis| {
+        let all: std::collections::BTreeSet<usize> =
+            h.members.iter().flat_map(|&m| [motions[m].from, motions[m].to]).collect();
+        all.len()
+    };
+    let best = match (best_of(Sides::One), best_of(Sides::Both)) {
+        (Some(floor), Some(far)) => Some(if 2 * images(floor) >= images(far) { floor } else { far }),
+        (floor, far) => floor.or(far),
+    };
+    let Some(best) = best else {
+        let verdicts = vec![Verdict::Disagrees { sigmas: f64::INFINITY }; motions.len()];
+        return Selection { verdicts, log_odds: f64::NEG_INFINITY, needed_log_odds };
+    };
+    let verdicts = (0..motions.len())
         .map(|i| {
             if best.members.contains(&i) {
                 return Verdict::Accepted;
+            }
+            if motions[i].sides == Sides::Both && motions[best.members[0]].sides == Sides::One {
+                return Verdict::WrongSides;
             }
             let clash = best
                 .members
@@ -180,5 +231,6 @@ pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Vec<
             let distance = agreement(&best.solution.parameters, &covariance, &w).map_or(f64::INFINITY, |(d, _)| d);
             Verdict::Disagrees { sigmas: distance.sqrt() }
         })
-        .collect()
+        .collect();
+    Selection { verdicts, log_odds: best.score, needed_log_odds }
 }
