@@ -39,10 +39,11 @@ fn main() -> ExitCode {
 }
 
 fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
-    if let Some(out) = &args.out {
-        if out.exists() && !out.is_dir() {
-            return Err(CliError::Usage(format!("--out {}: is a file; name a folder", out.display())));
-        }
+    if let Some(out) = &args.out
+        && out.exists()
+        && !out.is_dir()
+    {
+        return Err(CliError::Usage(format!("--out {}: is a file; name a folder", out.display())));
     }
     if let Some(threads) = args.threads {
         rayon::ThreadPoolBuilder::new()

@@ -195,10 +195,10 @@ fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, prior
         .find_map(|c| solve_linear(points, c, options.aspect).ok())
         .and_then(attempt);
     // Good enough that no other minimum can be better by much?
-    if let Some(s) = &linear {
-        if chi_squared_survival(s.chi_squared, s.degrees_of_freedom) > DISAGREEMENT_P {
-            return linear;
-        }
+    if let Some(s) = &linear
+        && chi_squared_survival(s.chi_squared, s.degrees_of_freedom) > DISAGREEMENT_P
+    {
+        return linear;
     }
     let grid = [0.6f64, 1.2, 2.4, 4.8, 9.6]
         .into_iter()

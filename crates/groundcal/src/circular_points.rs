@@ -344,7 +344,7 @@ mod tests {
                     let noise = Matrix3::from_fn(|_, _| sigma * 3f64.sqrt() * rng.random_range(-1.0..1.0));
                     let found = geometry(&(h + noise), &HomographyCovariance::from_diagonal_element(sigma * sigma));
                     assert!(
-                        matches!(found, Err(_)),
+                        found.is_err(),
                         "{theta} {t:?} {sigma}: {:?}",
                         found.map(|g| (g.rotation_rad, g.rotation_sigma_rad))
                     );

@@ -114,17 +114,16 @@ fn extrema_of_layer(
             let v = row[x];
             let is_extremum = (v > threshold && v >= high[x - 1] && v >= high[x] && v >= high[x + 1])
                 || (v < -threshold && v <= low[x - 1] && v <= low[x] && v <= low[x + 1]);
-            if is_extremum {
-                if let Some((fx, fy, fs, response, final_layer)) = locate(differences, layer, x, y, options) {
-                    found.push(Extremum {
-                        x: fx * pixel_px,
-                        y: fy * pixel_px,
-                        scale: (BASE_SIGMA as f32) * 2f32.powf(fs / LAYERS as f32) * pixel_px,
-                        response,
-                        octave,
-                        layer: final_layer,
-                    });
-                }
+            if is_extremum && let Some((fx, fy, fs, response, final_layer)) = locate(differences, layer, x, y, options)
+            {
+                found.push(Extremum {
+                    x: fx * pixel_px,
+                    y: fy * pixel_px,
+                    scale: (BASE_SIGMA as f32) * 2f32.powf(fs / LAYERS as f32) * pixel_px,
+                    response,
+                    octave,
+                    layer: final_layer,
+                });
             }
         }
     }
@@ -175,7 +174,7 @@ fn locate(
                 layer,
             ));
         }
-        if !(offset.amax() < 1e3) {
+        if offset.amax().is_nan() || offset.amax() > 1e3 {
             return None;
         }
         let moved = |base: usize, o: f64, low: usize, high: usize| {

@@ -1,0 +1,216 @@
+//! The linear method on all pairs: consistent motions, camera, and the fixed point with a given lens distortion.
+
+use rayon::prelude::*;
+
+use super::{
+    Pipeline,
+    pairs::{Lens, PairResult},
+};
+use crate::{
+    attitude_groups::{Motion, Sides},
+    camera::{CameraSolution, solve_camera},
+    circular_points::from_homography,
+    correspondence::{ImagePair, validated},
+    error::Error,
+    intrinsics::Intrinsics,
+    motions::{ConsistencyOptions, Verdict, find_consistent},
+    result::{Calibration, Warning},
+};
+
+/// The same in the search for consistent motions, where nothing should be lost to an odd lens.
+const SEARCH_PRINCIPAL_POINT_SIGMA: f64 = 0.1;
+/// Least deviation of the attitudes in the search: what is left of lens distortion and of a scene that is not quite a plane
+/// moves circular points by more than the noise says, and a motion is not to be lost for it. Pairs of images of different
+/// attitudes are off by degrees.
+const SEARCH_ATTITUDE_SIGMA_DEG: f64 = 0.3;
+/// Deviation of the k1 that the search takes to be still there, given or not: a given one has its own error and no lens has
+/// k1 alone.
+const SEARCH_K1_SIGMA: f64 = 0.05;
+/// Deviation of a circular point's direction in the search for all other faults of the model (higher distortion, a scene not
+/// quite flat or not quite at infinity): a third of a degree.
+const SEARCH_DIRECTION_SIGMA: f64 = 0.006;
+/// Fraction of points beyond the horizon from which on a scene is no floor.
+const MINOR_SIDE: f64 = 0.05;
+/// Squared distance beyond which a motion disagrees with the camera of the others: 99.9 % of chi-squared with two degrees
+/// of freedom.
+const MOTION_GATE: f64 = 13.8;
+
+/// The motions among the pairs, and what became of each.
+pub(super) struct Chosen {
+    /// Index of the pair, motion.
+    pub(super) motions: Vec<(usize, Motion)>,
+    /// One a motion.
+    pub(super) verdicts: Vec<Verdict>,
+}
+
+impl Chosen {
+    /// Indices of the pairs that are used.
+    pub(super) fn used(&self) -> Vec<usize> {
+        let accepted = self.motions.iter().zip(&self.verdicts).filter(|(_, v)| **v == Verdict::Accepted);
+        accepted.map(|((i, _), _)| *i).collect()
+    }
+}
+
+pub(super) struct Settled {
+    intrinsics: Intrinsics,
+    /// d ln f / d ln(f of the noise alone): the given coefficients pull the answer along with the focal length.
+    amplification: f64,
+    last_change: f64,
+}
+
+impl Pipeline<'_> {
+    pub(super) fn run(&self, given: &[ImagePair], mut warnings: Vec<Warning>) -> Result<Calibration, Error> {
+        let pairs: Vec<ImagePair> = given
+            .iter()
+            .map(|p| Ok(ImagePair { matches: validated(&p.matches, self.size)?, ..p.clone() }))
+            .collect::<Result<_, Error>>()?;
+        if let [only] = pairs.as_slice()
+            && only.matches.len() < 4
+        {
+            return Err(Error::TooFewMatches {
+                from: self.names[only.from].clone(),
+                to: self.names[only.to].clone(),
+                given: given[0].matches.len(),
+                found: only.matches.len(),
+            });
+        }
+        let trusted = self.options.pairs.is_some();
+        if self.options.distortion.is_none() {
+            let results = self.homographies(&pairs, None);
+            return self.conclude(&pairs, results, trusted, warnings);
+        }
+        // The coefficients act on coordinates divided by the focal length, which is not known yet: start from a middling
+        // one, then once more with the result; the fixed point is found on the inliers (see `settle`).
+        let [cx, cy] = self.options.principal_point_px.unwrap_or(self.size.centre_px());
+        let mut lens = Lens {
+            distortion: self.options.distortion,
+            intrinsics: Intrinsics::square(self.size.width.max(self.size.height) as f64, cx, cy),
+        };
+        let mut amplification = 1.0;
+        for _ in 0..2 {
+            let results = self.homographies(&pairs, Some(&lens));
+            let used = self.select(&results, &pairs, trusted)?.used();
+            let settled = self.settle(&pairs, &results, &used, lens)?;
+            lens.intrinsics = settled.intrinsics;
+            amplification = settled.amplification;
+            if settled.last_change > 1e-6 {
+                warnings.push(Warning::DistortionNotConverged { relative_change: settled.last_change });
+            }
+        }
+        let results = self.homographies(&pairs, Some(&lens));
+        let used = self.select(&results, &pairs, trusted)?.used();
+        let settled = self.settle(&pairs, &results, &used, lens)?;
+        lens.intrinsics = settled.intrinsics;
+        let results = self.refit_all(&pairs, results, &lens);
+        warnings.dedup();
+        let mut out = self.conclude_with(&pairs, results, trusted, warnings, Some(lens))?;
+        super::report::amplify(&mut out, amplification.max(settled.amplification));
+        Ok(out)
+    }
+
+    /// Consistent motions among the pairs with circular points: indices of pairs, and a verdict each.
+    pub(super) fn select(&self, results: &[PairResult], pairs: &[ImagePair], trusted: bool) -> Result<Chosen, Error> {
+        let frame = self.frame();
+        let motions: Vec<(usize, Motion)> = results
+            .iter()
+            .enumerate()
+            .filter_map(|(i, r)| {
+                let (robust, geometry) = r.outcome.as_ref().ok()?;
+                let points = robust.inliers.iter().map(|&k| frame.from_pixel(&pairs[i].matches[k].a));
+                let sides = if geometry.minor_side(points) > MINOR_SIDE { Sides::Both } else { Sides::One };
+                Some((i, Motion { from: pairs[i].from, to: pairs[i].to, geometry: geometry.clone(), sides }))
+            })
+            .collect();
+        if motions.is_empty() {
+            return Err(self.why_nothing(results));
+        }
+        let bare: Vec<Motion> = motions.iter().map(|(_, m)| m.clone()).collect();
+        if trusted || bare.len() == 1 {
+            let verdicts = vec![Verdict::Accepted; bare.len()];
+            return Ok(Chosen { motions, verdicts });
+        }
+        let consistency = ConsistencyOptions {
+            attitude_sigma_rad: self.options.attitude_sigma_deg.max(SEARCH_ATTITUDE_SIGMA_DEG).to_radians(),
+            k1_sigma: SEARCH_K1_SIGMA,
+            direction_sigma: SEARCH_DIRECTION_SIGMA,
+            principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * self.size.width as f64 / frame.scale_px,
+            aspect: self.options.aspect.unwrap_or(1.0),
+            gate: MOTION_GATE,
+        };
+        let selection = find_consistent(&bare, &consistency);
+        // Of two motions that disagree the better one is used, with a warning; from three on, agreement is asked for.
+        if bare.len() >= 3 && selection.log_odds < selection.needed_log_odds {
+            let agreeing = selection.verdicts.iter().filter(|v| **v == Verdict::Accepted).count();
+            return Err(Error::NoUsableMotion {
+                pairs: bare.len(),
+                reason: format!(
+                    "of the {} pairs that show a turning plane the best set that agrees on one camera has {agreeing}, no more than \
+                     coincidence gives (log odds {:.1}, {:.1} needed): these are not turns about the floor's normal, or the lens \
+                     distortion is large",
+                    bare.len(),
+                    selection.log_odds,
+                    selection.needed_log_odds
+                ),
+                remedy: "Turn the camera without tilting it between the images of a motion; name the true motions with --pairs; give \
+                         --k1 for a wide lens, or --attitude-sigma-deg for a carrier that pitches"
+                    .into(),
+            });
+        }
+        let verdicts = selection.verdicts;
+        Ok(Chosen { motions, verdicts })
+    }
+
+    /// The camera of the motions `used` (indices of pairs) after undoing the distortion of `lens` anew on their inliers.
+    pub(super) fn refit_camera(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        used: &[usize],
+        lens: &Lens,
+    ) -> Result<CameraSolution, Error> {
+        let motions: Vec<Motion> = used
+            .par_iter()
+            .filter_map(|&i| {
+                let (robust, _) = results[i].outcome.as_ref().ok()?;
+                let estimate = self.refit(&pairs[i], robust, lens)?;
+                let geometry = from_homography(&estimate).ok()?;
+                Some(Motion { from: pairs[i].from, to: pairs[i].to, geometry, sides: Sides::One })
+            })
+            .collect();
+        solve_camera(&motions, &self.frame(), &self.options.camera(self.size))
+    }
+
+    /// The camera that, used to undo the given distortion, comes out again: Steffensen's iteration on ln f.
+    fn settle(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        used: &[usize],
+        start: Lens,
+    ) -> Result<Settled, Error> {
+        let mut lens = start;
+        let mut slope: f64 = 0.0;
+        let mut last: Option<(f64, f64)> = None;
+        let mut last_change = f64::INFINITY;
+        for _ in 0..25 {
+            let solved = self.refit_camera(pairs, results, used, &lens)?.intrinsics;
+            let (input, output) = (lens.intrinsics.fx.ln(), solved.fx.ln());
+            if let Some((last_input, last_output)) = last
+                && (input - last_input).abs() > 1e-7
+            {
+                slope = ((output - last_output) / (input - last_input)).clamp(-3.0, 0.95);
+            }
+            last = Some((input, output));
+            last_change = (output - input).abs();
+            // Newton on output(input) - input, not more than a factor of two at once.
+            let step = ((output - input) / (1.0 - slope)).clamp(-0.7, 0.7);
+            let factor = (input + step - output).exp();
+            lens.intrinsics =
+                Intrinsics { fx: solved.fx * factor, fy: solved.fy * factor, skew: solved.skew * factor, ..solved };
+            if last_change < 1e-10 {
+                break;
+            }
+        }
+        Ok(Settled { intrinsics: lens.intrinsics, amplification: (1.0 / (1.0 - slope)).max(1.0), last_change })
+    }
+}

@@ -1,0 +1,363 @@
+//! The front door: calls the stages in order.
+//!
+//! images -> features -> matches -> homographies -> circular points -> consistent motions -> camera. One may enter at
+//! images ([`calibrate_images`]), matches ([`calibrate_matches`]), homographies ([`calibrate_homographies`]) or circular
+//! points ([`calibrate_circular_points`]).
+
+mod linear;
+mod pairs;
+mod report;
+
+use rayon::prelude::*;
+
+use crate::{
+    absolute_conic::Constraint,
+    attitude_groups::{Motion, Sides},
+    camera::{CameraOptions, CameraSolution, solve_camera},
+    circular_points::{CircularPoint, MotionGeometry},
+    correspondence::ImagePair,
+    distortion::Distortion,
+    error::Error,
+    features::{FeatureOptions, Features, MatchOptions, detect, match_features},
+    frame::Frame,
+    homography::{HomographyEstimate, RobustHomography, RobustOptions},
+    image::{GrayImage, ImageSize},
+    result::{Calibration, Warning},
+};
+
+/// What a calibration may be told. Everything has a default.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// What is assumed of the camera matrix.
+    pub constraint: Constraint,
+    /// The principal point in pixels where it is held, centre of its prior otherwise (default: the image centre).
+    pub principal_point_px: Option<[f64; 2]>,
+    /// fy / fx where it is held, centre of its prior otherwise (default: 1).
+    pub aspect: Option<f64>,
+    /// A known lens distortion; it is undone before anything else.
+    pub distortion: Distortion,
+    /// Standard deviation of each view's attitude about each axis across the floor's normal, in degrees: robots pitch and
+    /// floors are not flat. 0: exactly plane-normal, as in the paper.
+    pub attitude_sigma_deg: f64,
+    /// Pairs of image indices known to be plane-normal motions; `None`: found.
+    pub pairs: Option<Vec<(usize, usize)>>,
+    /// Up to this many images all pairs are compared, beyond it neighbours.
+    pub all_pairs_limit: usize,
+    /// Fewest matches that must agree on a plane; `None`: 15 for images, 6 for given matches.
+    pub min_plane_matches: Option<usize>,
+    /// Detection of features.
+    pub features: FeatureOptions,
+    /// Matching of features.
+    pub matching: MatchOptions,
+    /// Robust homographies.
+    pub robust: RobustOptions,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            constraint: Constraint::Auto,
+            principal_point_px: None,
+            aspect: None,
+            distortion: Distortion::default(),
+            attitude_sigma_deg: 0.1,
+            pairs: None,
+            all_pairs_limit: 40,
+            min_plane_matches: None,
+            features: FeatureOptions::default(),
+            matching: MatchOptions::default(),
+            robust: RobustOptions::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// Prior of ln(fy / fx) under `auto`, and when the ratio is given.
+const ASPECT_SIGMA: f64 = 0.003;
+const GIVEN_ASPECT_SIGMA: f64 = 0.001;
+/// Prior of the principal point as a fraction of the image width under `auto`, and when it is given.
+const PRINCIPAL_POINT_SIGMA: f64 = 0.05;
+const GIVEN_PRINCIPAL_POINT_SIGMA: f64 = 0.01;
+impl Options {
+    /// Checks every option once.
+    ///
+    /// # Errors
+    /// [`Error::InvalidOption`] naming the option and its value.
+    pub fn validate(&self, size: ImageSize) -> Result<(), Error> {
+        let fail = |text: String| Err(Error::InvalidOption(text));
+        if let Some([x, y]) = self.principal_point_px {
+            let (w, h) = (size.width as f64, size.height as f64);
+            if !(x.is_finite() && y.is_finite() && (-w..2.0 * w).contains(&x) && (-h..2.0 * h).contains(&y)) {
+                return fail(format!("principal point ({x}, {y}) is not near an image of {size} pixels"));
+            }
+        }
+        if let Some(a) = self.aspect
+            && !(a.is_finite() && (0.1..=10.0).contains(&a))
+        {
+            return fail(format!("aspect ratio {a} must lie between 0.1 and 10"));
+        }
+        if !(self.attitude_sigma_deg.is_finite() && (0.0..=20.0).contains(&self.attitude_sigma_deg)) {
+            return fail(format!("attitude sigma {} degrees must lie between 0 and 20", self.attitude_sigma_deg));
+        }
+        let d = &self.distortion;
+        if ![d.k1, d.k2, d.p1, d.p2].iter().all(|v| v.is_finite() && v.abs() <= 10.0) {
+            return fail(format!("distortion k1 {}, k2 {} must be finite and at most 10 in size", d.k1, d.k2));
+        }
+        if !(self.robust.max_sigma_px.is_finite() && self.robust.max_sigma_px > 0.0) {
+            return fail(format!("largest noise {} px must be positive", self.robust.max_sigma_px));
+        }
+        Ok(())
+    }
+
+    fn camera(&self, size: ImageSize) -> CameraOptions {
+        let fraction =
+            if self.principal_point_px.is_some() { GIVEN_PRINCIPAL_POINT_SIGMA } else { PRINCIPAL_POINT_SIGMA };
+        CameraOptions {
+            constraint: self.constraint,
+            aspect: self.aspect.unwrap_or(1.0),
+            aspect_sigma: if self.aspect.is_some() { GIVEN_ASPECT_SIGMA } else { ASPECT_SIGMA },
+            principal_point_sigma_px: fraction * size.width as f64,
+            attitude_sigma_rad: self.attitude_sigma_deg.to_radians(),
+        }
+    }
+}
+
+/// A step of the work, for progress displays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Features of each image.
+    Features,
+    /// Matches of each pair.
+    Matching,
+    /// Homography of each pair.
+    Homographies,
+    /// Consistent motions and camera.
+    Camera,
+}
+
+/// Hears of the progress; all calls may come from any thread.
+pub trait Observer: Sync {
+    /// A stage of `total` items begins.
+    fn begin(&self, stage: Stage, total: usize) {
+        let _ = (stage, total);
+    }
+    /// One item of the stage is done.
+    fn advance(&self, stage: Stage) {
+        let _ = stage;
+    }
+}
+
+/// An observer that does not listen.
+pub struct Silent;
+impl Observer for Silent {}
+
+/// Calibrates from photographs of the floor, all of one size, by one camera at one zoom.
+///
+/// # Errors
+/// See [`Error`].
+pub fn calibrate_images(
+    names: &[String],
+    images: &[GrayImage],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Calibration, Error> {
+    if names.len() != images.len() {
+        return Err(Error::InvalidInput(format!("{} names for {} images", names.len(), images.len())));
+    }
+    if images.len() < 2 {
+        return Err(Error::TooFewImages { found: images.len() });
+    }
+    let size = images[0].size();
+    if let Some(other) = images.iter().position(|i| i.size() != size) {
+        return Err(Error::InvalidInput(format!(
+            "{} is {} pixels, {} is {size}: all images must come from one camera at one size",
+            names[other],
+            images[other].size(),
+            names[0],
+        )));
+    }
+    options.validate(size)?;
+    let mut warnings = Vec::new();
+    let pairs = candidate_pairs(images.len(), options)?;
+    if options.pairs.is_none() && images.len() > options.all_pairs_limit {
+        warnings.push(Warning::NeighboursOnly { images: images.len() });
+    }
+    let duplicate = |i: usize, j: usize| images[i] == images[j];
+    for j in 1..images.len() {
+        if let Some(i) = (0..j).find(|&i| duplicate(i, j)) {
+            warnings.push(Warning::DuplicateImages { first: names[i].clone(), second: names[j].clone() });
+        }
+    }
+    observer.begin(Stage::Features, images.len());
+    let features: Vec<Features> = images
+        .par_iter()
+        .map(|image| {
+            let found = detect(image, &options.features);
+            observer.advance(Stage::Features);
+            found
+        })
+        .collect();
+    observer.begin(Stage::Matching, pairs.len());
+    let matched: Vec<ImagePair> = pairs
+        .par_iter()
+        .map(|&(from, to)| {
+            let matches = match_features(&features[from], &features[to], &options.matching);
+            observer.advance(Stage::Matching);
+            ImagePair { from, to, matches }
+        })
+        .collect();
+    let min = options.min_plane_matches.unwrap_or(15);
+    Pipeline { names, size, options, observer, min_matches: min }.run(&matched, warnings)
+}
+
+fn candidate_pairs(images: usize, options: &Options) -> Result<Vec<(usize, usize)>, Error> {
+    if let Some(pairs) = &options.pairs {
+        if pairs.is_empty() {
+            return Err(Error::InvalidOption("the list of pairs is empty".into()));
+        }
+        let mut known = std::collections::HashSet::new();
+        for &(a, b) in pairs {
+            if a >= images || b >= images || a == b {
+                return Err(Error::InvalidOption(format!("pair ({a}, {b}) does not name two of the {images} images")));
+            }
+            if !known.insert((a.min(b), a.max(b))) {
+                return Err(Error::InvalidOption(format!("pair ({a}, {b}) is given twice")));
+            }
+        }
+        return Ok(pairs.clone());
+    }
+    let all = images <= options.all_pairs_limit;
+    let reach = if all { images } else { 3 };
+    let mut pairs: Vec<(usize, usize)> =
+        (0..images).flat_map(|a| (a + 1..images.min(a + 1 + reach)).map(move |b| (a, b))).collect();
+    if !all {
+        // A closed turn ends where it began.
+        pairs.push((0, images - 1));
+    }
+    Ok(pairs)
+}
+
+/// Calibrates from point matches; `names` gives a name for each image index used by the pairs.
+///
+/// # Errors
+/// See [`Error`].
+pub fn calibrate_matches(
+    names: &[String],
+    size: ImageSize,
+    pairs: &[ImagePair],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Calibration, Error> {
+    if size.width < 2 || size.height < 2 {
+        return Err(Error::InvalidInput(format!("an image size of {size} pixels")));
+    }
+    options.validate(size)?;
+    if names.len() < 2 {
+        return Err(Error::TooFewImages { found: names.len() });
+    }
+    let index_ok = |p: &ImagePair| p.from < names.len() && p.to < names.len() && p.from != p.to;
+    if let Some(bad) = pairs.iter().find(|p| !index_ok(p)) {
+        return Err(Error::InvalidInput(format!("a pair ({}, {}) of {} images", bad.from, bad.to, names.len())));
+    }
+    let chosen: Vec<ImagePair> = match &options.pairs {
+        None => pairs.to_vec(),
+        Some(wanted) => {
+            let find = |&(a, b): &(usize, usize)| {
+                let is = |p: &&ImagePair| (p.from, p.to) == (a, b) || (p.from, p.to) == (b, a);
+                pairs.iter().find(is).cloned().ok_or_else(|| {
+                    let name = |i: usize| names.get(i).map_or("?", String::as_str);
+                    Error::InvalidInput(format!("no matches between {} and {}, which the pairs name", name(a), name(b)))
+                })
+            };
+            wanted.iter().map(find).collect::<Result<_, _>>()?
+        }
+    };
+    if chosen.is_empty() {
+        return Err(Error::InvalidInput("no matches at all".into()));
+    }
+    let min = options.min_plane_matches.unwrap_or(6);
+    Pipeline { names, size, options, observer, min_matches: min }.run(&chosen, Vec::new())
+}
+
+/// Calibrates from homographies (pixels of `from` to pixels of `to`) with covariance, all of them plane-normal motions.
+/// The distortion of the options must be none: it cannot be undone in a homography.
+///
+/// # Errors
+/// See [`Error`].
+pub fn calibrate_homographies(
+    names: &[String],
+    size: ImageSize,
+    homographies: &[(usize, usize, HomographyEstimate)],
+    options: &Options,
+) -> Result<Calibration, Error> {
+    options.validate(size)?;
+    if !options.distortion.is_none() {
+        return Err(Error::InvalidOption("a lens distortion cannot be undone in homographies".into()));
+    }
+    let results: Vec<(ImagePair, pairs::PairResult)> = homographies
+        .iter()
+        .map(|(from, to, estimate)| {
+            let robust = RobustHomography {
+                estimate: estimate.clone(),
+                inliers: Vec::new(),
+                trials: 0,
+                static_background: 0,
+                is_static: false,
+            };
+            let outcome = pairs::geometry_of(robust);
+            (
+                ImagePair { from: *from, to: *to, matches: Vec::new() },
+                pairs::PairResult { candidates: estimate.matches, outcome },
+            )
+        })
+        .collect();
+    let (pairs, results): (Vec<_>, Vec<_>) = results.into_iter().unzip();
+    let pipeline = Pipeline { names, size, options, observer: &Silent, min_matches: 0 };
+    pipeline.conclude(&pairs, results, true, Vec::new())
+}
+
+/// The camera from circular points alone, given in pixels (any non-zero multiple) with the standard deviation of each
+/// point's direction in frame coordinates.
+///
+/// # Errors
+/// See [`Error`].
+pub fn calibrate_circular_points(
+    size: ImageSize,
+    points: &[(nalgebra::Vector3<nalgebra::Complex<f64>>, f64)],
+    options: &Options,
+) -> Result<CameraSolution, Error> {
+    options.validate(size)?;
+    let frame = Frame::new(size, options.principal_point_px);
+    let to_frame = frame.frame_matrix().map(|x| nalgebra::Complex::new(x, 0.0));
+    let motions: Vec<Motion> = points
+        .iter()
+        .enumerate()
+        .map(|(i, (point, sigma))| {
+            let circular_point = CircularPoint::from_point(to_frame * point, *sigma).ok_or_else(|| {
+                Error::InvalidInput(format!(
+                    "circular point {i} is zero, real or not finite, or its sigma not positive"
+                ))
+            })?;
+            let geometry =
+                MotionGeometry { circular_point, rotation_rad: 0.0, rotation_sigma_rad: 0.0, rho: 1.0, rho_sigma: 0.0 };
+            Ok(Motion { from: 2 * i, to: 2 * i + 1, geometry, sides: Sides::One })
+        })
+        .collect::<Result<_, Error>>()?;
+    solve_camera(&motions, &frame, &options.camera(size))
+}
+
+struct Pipeline<'a> {
+    names: &'a [String],
+    size: ImageSize,
+    options: &'a Options,
+    observer: &'a dyn Observer,
+    min_matches: usize,
+}
+
+impl Pipeline<'_> {
+    fn frame(&self) -> Frame {
+        Frame::new(self.size, self.options.principal_point_px)
+    }
+}

@@ -1,0 +1,220 @@
+//! From matches to what each pair of images says: homography, circular point, or the reason why not.
+
+use nalgebra::{Vector2, Vector4};
+use rayon::prelude::*;
+
+use super::{Pipeline, Stage};
+use crate::{
+    circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, from_homography},
+    correspondence::{ImagePair, PointMatch},
+    distortion::Distortion,
+    error::Error,
+    homography::{HomographyEstimate, RobustHomography, estimate_robust, refine::RefineOptions, refine::refine},
+    intrinsics::Intrinsics,
+    linalg::complex_pair_eigen,
+};
+
+/// Why a pair has no homography or no circular point, in the words of the report.
+pub(super) struct Refusal {
+    pub(super) reason: String,
+    pub(super) rotation_deg: Option<f64>,
+    pub(super) homography: Option<Box<RobustHomography>>,
+    pub(super) kind: RefusalKind,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum RefusalKind {
+    NoPlane,
+    Static,
+    NoRotation,
+    Uncertain,
+}
+
+pub(super) struct PairResult {
+    pub(super) candidates: usize,
+    pub(super) outcome: Result<(RobustHomography, MotionGeometry), Refusal>,
+}
+
+pub(super) fn geometry_of(robust: RobustHomography) -> Result<(RobustHomography, MotionGeometry), Refusal> {
+    match from_homography(&robust.estimate) {
+        Ok(geometry) => Ok((robust, geometry)),
+        Err(NoCircularPoint::NoRotation { rotation_rad, significance }) => {
+            let deg = rotation_rad.to_degrees();
+            let near = if rotation_rad > 1.6 { "a turn near 180 degrees" } else { "a translation, or hardly a turn" };
+            Err(Refusal {
+                reason: format!(
+                    "no rotation to be seen: {near} (eigenvalue angle {deg:.1} degrees, {significance:.1} sigma; 8 needed)"
+                ),
+                rotation_deg: Some(deg),
+                homography: Some(Box::new(robust)),
+                kind: RefusalKind::NoRotation,
+            })
+        }
+        Err(NoCircularPoint::TooUncertain { sigma }) => Err(Refusal {
+            reason: format!("circular point too uncertain (direction known to {:.0} degrees)", sigma.to_degrees()),
+            rotation_deg: None,
+            homography: Some(Box::new(robust)),
+            kind: RefusalKind::Uncertain,
+        }),
+    }
+}
+
+/// A lens with the camera matrix through which its coefficients act.
+#[derive(Clone, Copy)]
+pub(super) struct Lens {
+    pub(super) distortion: Distortion,
+    pub(super) intrinsics: Intrinsics,
+}
+
+impl Lens {
+    pub(super) fn ideal(&self, m: &PointMatch) -> Option<PointMatch> {
+        let undo = |p: &Vector2<f64>| self.distortion.undistort_pixel(&self.intrinsics, p);
+        Some(PointMatch { a: undo(&m.a)?, b: undo(&m.b)?, ..*m })
+    }
+}
+
+impl Pipeline<'_> {
+    pub(super) fn homographies(&self, pairs: &[ImagePair], lens: Option<&Lens>) -> Vec<PairResult> {
+        self.observer.begin(Stage::Homographies, pairs.len());
+        pairs
+            .par_iter()
+            .map(|pair| {
+                let result = self.homography(pair, lens);
+                self.observer.advance(Stage::Homographies);
+                result
+            })
+            .collect()
+    }
+
+    fn homography(&self, pair: &ImagePair, lens: Option<&Lens>) -> PairResult {
+        let candidates = pair.matches.len();
+        let refuse = |reason: String, kind, homography| PairResult {
+            candidates,
+            outcome: Err(Refusal { reason, rotation_deg: None, homography, kind }),
+        };
+        if candidates < self.min_matches.max(4) {
+            let text = format!("{candidates} matches only ({} needed)", self.min_matches.max(4));
+            return refuse(text, RefusalKind::NoPlane, None);
+        }
+        // Indices into the pair's matches are kept; a match that has no ideal point is moved out of every model's reach.
+        let ideal: Vec<PointMatch> = match lens {
+            None => pair.matches.clone(),
+            Some(lens) => pair.matches.iter().map(|m| lens.ideal(m).unwrap_or(*m)).collect(),
+        };
+        let mut robust = self.options.robust;
+        robust.min_inliers = self.min_matches.max(6);
+        robust.ransac.seed = self.options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
+        match estimate_robust(&ideal, &self.frame(), &robust) {
+            Err(_) => refuse(
+                format!("no common plane: none of {candidates} matches agree on one"),
+                RefusalKind::NoPlane,
+                None,
+            ),
+            Ok(found) if found.inliers.len() < self.min_matches => {
+                let text = format!(
+                    "no common plane: {} of {candidates} matches agree on one ({} needed)",
+                    found.inliers.len(),
+                    self.min_matches
+                );
+                refuse(text, RefusalKind::NoPlane, Some(Box::new(found)))
+            }
+            Ok(found) if found.is_static => {
+                let text = format!("nothing moved: {} of {candidates} matches stand still", found.inliers.len());
+                refuse(text, RefusalKind::Static, Some(Box::new(found)))
+            }
+            Ok(found) => {
+                let mut outcome = geometry_of(found);
+                if let Ok((robust, geometry)) = &mut outcome {
+                    geometry.circular_point.by_k1 = self.shift_by_k1(&ideal, robust, &geometry.circular_point);
+                }
+                PairResult { candidates, outcome }
+            }
+        }
+    }
+
+    /// The change of a circular point for each unit of k1 undone, by a difference: both homographies from the same (at most
+    /// a few hundred) inliers.
+    fn shift_by_k1(
+        &self,
+        matches: &[PointMatch],
+        robust: &RobustHomography,
+        point: &CircularPoint,
+    ) -> Option<Vector4<f64>> {
+        const STEP: f64 = 0.02;
+        const ENOUGH: usize = 300;
+        let [cx, cy] = self.options.principal_point_px.unwrap_or(self.size.centre_px());
+        let lens = Lens {
+            distortion: Distortion::radial(STEP, 0.0),
+            intrinsics: Intrinsics::square(self.size.width.max(self.size.height) as f64, cx, cy),
+        };
+        let stride = robust.inliers.len().div_ceil(ENOUGH);
+        let some: Vec<PointMatch> = robust.inliers.iter().step_by(stride).map(|&k| matches[k]).collect();
+        let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal(m)).collect();
+        let coordinates = |matches: &[PointMatch]| {
+            let start = &robust.estimate.in_frame;
+            let estimate = refine(matches, Some(start), &self.frame(), &RefineOptions::default()).ok()?;
+            let eigen = complex_pair_eigen(&estimate.in_frame)?;
+            Some(point.coordinates_of(&eigen.complex_right))
+        };
+        Some((coordinates(&undone)? - coordinates(&some)?) / STEP)
+    }
+
+    pub(super) fn refit(&self, pair: &ImagePair, robust: &RobustHomography, lens: &Lens) -> Option<HomographyEstimate> {
+        let ideal: Vec<PointMatch> = robust.inliers.iter().filter_map(|&k| lens.ideal(&pair.matches[k])).collect();
+        refine(&ideal, None, &self.frame(), &RefineOptions::default()).ok()
+    }
+
+    pub(super) fn refit_all(&self, pairs: &[ImagePair], results: Vec<PairResult>, lens: &Lens) -> Vec<PairResult> {
+        results
+            .into_iter()
+            .zip(pairs)
+            .map(|(result, pair)| {
+                let outcome = match result.outcome {
+                    Ok((mut robust, geometry)) => {
+                        if let Some(estimate) = self.refit(pair, &robust, lens) {
+                            robust.estimate = estimate;
+                        }
+                        let by_k1 = geometry.circular_point.by_k1;
+                        geometry_of(robust).map(|(robust, mut geometry)| {
+                            geometry.circular_point.by_k1 = by_k1;
+                            (robust, geometry)
+                        })
+                    }
+                    refused => refused,
+                };
+                PairResult { outcome, ..result }
+            })
+            .collect()
+    }
+
+    pub(super) fn why_nothing(&self, results: &[PairResult]) -> Error {
+        let refusals = || results.iter().filter_map(|r| r.outcome.as_ref().err());
+        let count = |kind| refusals().filter(|r| r.kind == kind).count();
+        let with_plane = results.len() - count(RefusalKind::NoPlane);
+        if with_plane == 0 {
+            let best = refusals().filter_map(|r| r.homography.as_ref()).map(|h| h.inliers.len()).max().unwrap_or(0);
+            return Error::NoCommonPlane { pairs: results.len(), best, needed: self.min_matches };
+        }
+        let turn = "Turn the camera by 15 to 60 degrees between the two images of a motion, without tilting it";
+        let (reason, remedy) = if count(RefusalKind::Static) == with_plane {
+            ("nothing moved between the images (all matches stand still)".to_string(), turn.to_string())
+        } else if count(RefusalKind::NoRotation) > 0 {
+            let largest = refusals()
+                .filter(|r| r.kind == RefusalKind::NoRotation)
+                .filter_map(|r| r.rotation_deg)
+                .fold(0.0, f64::max);
+            (
+                format!(
+                    "the camera was moved without a turn, a pure translation says nothing of the focal length (largest eigenvalue angle \
+                     {largest:.1} degrees, not above its noise)"
+                ),
+                turn.to_string(),
+            )
+        } else {
+            let text =
+                refusals().find(|r| r.kind == RefusalKind::Uncertain).map_or(String::new(), |r| r.reason.clone());
+            (text, "Give more matches spread over more of the image, and turn the camera further".to_string())
+        };
+        Error::NoUsableMotion { pairs: with_plane, reason, remedy }
+    }
+}

@@ -1,0 +1,337 @@
+//! The result value of a calibration: attitudes, reports of the pairs, warnings.
+
+use nalgebra::{Vector2, Vector3};
+
+use super::{
+    Pipeline, Stage,
+    linear::Chosen,
+    pairs::{Lens, PairResult},
+};
+use crate::{
+    attitude::attitude_from_up,
+    attitude_groups::Motion,
+    camera::{CameraSolution, solve_camera},
+    circular_points::CircularPoint,
+    correspondence::ImagePair,
+    distortion::Distortion,
+    error::Error,
+    frame::Frame,
+    intrinsics::Intrinsics,
+    motions::Verdict,
+    result::{
+        AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, Prior, StandardDeviation,
+        Warning,
+    },
+};
+
+impl Pipeline<'_> {
+    pub(super) fn conclude(
+        &self,
+        pairs: &[ImagePair],
+        results: Vec<PairResult>,
+        trusted: bool,
+        warnings: Vec<Warning>,
+    ) -> Result<Calibration, Error> {
+        self.conclude_with(pairs, results, trusted, warnings, None)
+    }
+
+    pub(super) fn conclude_with(
+        &self,
+        pairs: &[ImagePair],
+        results: Vec<PairResult>,
+        trusted: bool,
+        mut warnings: Vec<Warning>,
+        lens: Option<Lens>,
+    ) -> Result<Calibration, Error> {
+        self.observer.begin(Stage::Camera, 1);
+        let chosen = self.select(&results, pairs, trusted)?;
+        let used = chosen.used();
+        let used_motions: Vec<Motion> =
+            chosen.motions.iter().filter(|(i, _)| used.contains(i)).map(|(_, m)| m.clone()).collect();
+        let solution = solve_camera(&used_motions, &self.frame(), &self.options.camera(self.size))?;
+
+        for (pair, result) in pairs.iter().zip(&results) {
+            if let Ok((robust, _)) = &result.outcome
+                && robust.static_background > 0
+            {
+                warnings.push(Warning::StaticBackground {
+                    from: self.names[pair.from].clone(),
+                    to: self.names[pair.to].clone(),
+                    matches: robust.static_background,
+                });
+            }
+        }
+        let matched = pairs.iter().any(|p| !p.matches.is_empty());
+        if lens.is_none() && matched {
+            // An unmodelled k1 of the true lens shows as the change that undoing it would make, the other way round.
+            let f_if = |k1: f64| {
+                let lens = Lens { distortion: Distortion::radial(k1, 0.0), intrinsics: solution.intrinsics };
+                self.refit_camera(pairs, &results, &used, &lens)
+                    .map(|s| 100.0 * (solution.intrinsics.fx / s.intrinsics.fx - 1.0))
+            };
+            warnings.push(Warning::DistortionNotModelled {
+                barrel_minus_percent: f_if(0.05).unwrap_or(f64::INFINITY),
+                barrel_percent: f_if(-0.05).unwrap_or(f64::INFINITY),
+            });
+        }
+        let mut attitudes = Vec::new();
+        for group in &solution.groups {
+            let point_sets = group.members.iter().map(|&m| used[m]).filter_map(|i| {
+                let (robust, _) = results[i].outcome.as_ref().ok()?;
+                Some((&pairs[i].matches, &robust.inliers))
+            });
+            let seen = point_sets.flat_map(|(matches, inliers)| inliers.iter().map(|&k| matches[k].a));
+            attitudes.push(Attitude::of(&group.fused.point, &solution.intrinsics, &self.frame(), seen));
+        }
+        self.add_warnings(&mut warnings, &solution, &attitudes, used.len());
+        let motion_reports = self.motion_reports(pairs, &results, &chosen, &solution, &attitudes);
+        let reports = solution
+            .groups
+            .iter()
+            .zip(&attitudes)
+            .map(|(group, attitude)| AttitudeReport {
+                pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
+                roll_deg: attitude.roll_rad.to_degrees(),
+                horizon_px: attitude.horizon_px,
+                motions: group.members.iter().map(|&m| used[m]).collect(),
+            })
+            .collect();
+        self.observer.advance(Stage::Camera);
+        Ok(self.assemble(&solution, lens, reports, motion_reports, &warnings))
+    }
+
+    fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
+        if motions == 1 {
+            warnings.push(Warning::SingleMotion);
+        }
+        if attitudes.len() == 1 {
+            warnings.push(Warning::SingleAttitude { motions });
+        } else if s.estimated[2] {
+            // Rolls modulo 180 degrees: the horizon is a line without direction.
+            let rolls: Vec<f64> = attitudes.iter().map(|a| a.roll_rad).collect();
+            let apart = |a: f64, b: f64| {
+                let d = (a - b).rem_euclid(std::f64::consts::PI);
+                d.min(std::f64::consts::PI - d)
+            };
+            let spread = rolls.iter().flat_map(|a| rolls.iter().map(move |b| apart(*a, *b))).fold(0.0, f64::max);
+            if spread < 5f64.to_radians() {
+                warnings.push(Warning::ParallelHorizons { spread_deg: spread.to_degrees() });
+            }
+        }
+        if s.variance_inflation > 1.0 {
+            warnings.push(Warning::MotionsDisagree {
+                chi_squared: s.chi_squared,
+                degrees_of_freedom: s.degrees_of_freedom,
+                widened: s.variance_inflation.sqrt(),
+            });
+        }
+        for prior in s.priors.iter().filter(|p| p.parameter != "aspect" && p.posterior_over_prior > 0.7) {
+            warnings.push(Warning::PriorDecides {
+                parameter: prior.parameter,
+                posterior_over_prior: prior.posterior_over_prior,
+            });
+        }
+        let percent = 100.0 * s.covariance_px[(0, 0)].sqrt() / s.intrinsics.fx;
+        if percent > 5.0 {
+            warnings.push(Warning::LargeUncertainty { percent });
+        }
+    }
+
+    fn motion_reports(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        chosen: &Chosen,
+        solution: &CameraSolution,
+        attitudes: &[Attitude],
+    ) -> Vec<MotionReport> {
+        let (used, motions) = (chosen.used(), &chosen.motions);
+        let name = |i: usize| self.names[i].clone();
+        pairs
+            .iter()
+            .zip(results)
+            .enumerate()
+            .map(|(i, (pair, result))| {
+                let position = used.iter().position(|&u| u == i);
+                let attitude = position.and_then(|m| solution.groups.iter().position(|g| g.members.contains(&m)));
+                let verdict = motions.iter().position(|(m, _)| *m == i).map(|m| chosen.verdicts[m]);
+                let reason = match (&result.outcome, verdict) {
+                    (Err(refusal), _) => Some(refusal.reason.clone()),
+                    (Ok(_), Some(Verdict::Disagrees { sigmas })) if sigmas.is_finite() => {
+                        Some(format!("not a turn about the floor's normal: no agreement with the other motions' camera ({sigmas:.0} sigma)"))
+                    }
+                    (Ok(_), Some(Verdict::Disagrees { .. })) => Some("agrees with no camera".to_string()),
+                    (Ok(_), Some(Verdict::WrongSides)) => Some(
+                        "not a turn about the floor's normal: the horizon it implies passes between its points".to_string(),
+                    ),
+                    (Ok(_), Some(Verdict::OtherAttitude { motion, image, sigmas })) => {
+                        let other = &motions[motion].1;
+                        Some(format!(
+                            "not a turn about the floor's normal: {} has another attitude in {} - {} ({sigmas:.0} sigma)",
+                            name(image),
+                            name(other.from),
+                            name(other.to)
+                        ))
+                    }
+                    _ => None,
+                };
+                let robust = match &result.outcome {
+                    Ok((robust, _)) => Some(robust),
+                    Err(refusal) => refusal.homography.as_deref(),
+                };
+                let geometry = result.outcome.as_ref().ok().map(|(_, g)| g);
+                let rotation = geometry.map(|g| {
+                    let turn = g.rotation_rad.to_degrees();
+                    match attitude.map(|a| &attitudes[a]) {
+                        Some(a) => turn * a.turn_sign(&g.circular_point, &solution.intrinsics, &self.frame()),
+                        None => turn,
+                    }
+                });
+                let refused_rotation = result.outcome.as_ref().err().and_then(|r| r.rotation_deg);
+                MotionReport {
+                    from: name(pair.from),
+                    to: name(pair.to),
+                    used: position.is_some(),
+                    rotation_deg: rotation.or(refused_rotation),
+                    rotation_sigma_deg: geometry.map(|g| g.rotation_sigma_rad.to_degrees()),
+                    rho: geometry.map(|g| g.rho),
+                    rho_sigma: geometry.map(|g| g.rho_sigma),
+                    matches: robust.map_or(0, |r| r.estimate.matches),
+                    candidate_matches: result.candidates,
+                    rms_px: robust.map(|r| r.estimate.rms_px),
+                    attitude,
+                    reason,
+                }
+            })
+            .collect()
+    }
+
+    fn assemble(
+        &self,
+        s: &CameraSolution,
+        lens: Option<Lens>,
+        attitudes: Vec<AttitudeReport>,
+        motions: Vec<MotionReport>,
+        warnings: &[Warning],
+    ) -> Calibration {
+        let k = &s.intrinsics;
+        let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
+        let d = lens.map_or(Distortion::default(), |l| l.distortion);
+        Calibration {
+            format_version: 1,
+            pixel_centre: "(0,0) is the centre of the top-left pixel",
+            camera: Camera {
+                image_size: [self.size.width, self.size.height],
+                fx: k.fx,
+                fy: k.fy,
+                cx: k.cx,
+                cy: k.cy,
+                skew: k.skew,
+                distortion: DistortionReport {
+                    model: if d.is_none() { "none" } else { "radtan" },
+                    k1: d.k1,
+                    k2: d.k2,
+                    p1: d.p1,
+                    p2: d.p2,
+                },
+            },
+            standard_deviation: StandardDeviation {
+                fx: sd(0),
+                fy: sd(1),
+                cx: sd(2),
+                cy: sd(3),
+                skew: sd(4),
+                k1: None,
+                k2: None,
+            },
+            covariance: Covariance {
+                parameters: ["fx", "fy", "cx", "cy", "skew"],
+                matrix: std::array::from_fn(|r| std::array::from_fn(|c| s.covariance_px[(r, c)])),
+            },
+            constraint: self.options.constraint.name().to_string(),
+            method: "linear (Knight, Zisserman & Reid 2003), weighted",
+            priors: s
+                .priors
+                .iter()
+                .map(|p| Prior {
+                    parameter: p.parameter,
+                    mean: p.mean,
+                    sigma: p.sigma,
+                    posterior_over_prior: p.posterior_over_prior,
+                })
+                .collect(),
+            attitude_sigma_deg: self.options.attitude_sigma_deg,
+            fit: Fit {
+                chi_squared: s.chi_squared,
+                degrees_of_freedom: s.degrees_of_freedom,
+                variance_inflation: s.variance_inflation,
+                distortion_amplification: 1.0,
+            },
+            attitudes,
+            motions,
+            warnings: warnings.iter().map(Warning::report).collect(),
+        }
+    }
+}
+
+pub(super) fn amplify(c: &mut Calibration, factor: f64) {
+    let s = &mut c.standard_deviation;
+    for value in [&mut s.fx, &mut s.fy, &mut s.cx, &mut s.cy, &mut s.skew].into_iter().flatten() {
+        *value *= factor;
+    }
+    for value in c.covariance.matrix.iter_mut().flatten() {
+        *value *= factor * factor;
+    }
+    c.fit.distortion_amplification = factor;
+}
+
+/// The floor's normal in the camera frame.
+struct Attitude {
+    pitch_down_rad: f64,
+    roll_rad: f64,
+    horizon_px: Option<[f64; 3]>,
+    up: Vector3<f64>,
+}
+
+impl Attitude {
+    /// From a circular point (frame coordinates): the normal is the cross product of the real and imaginary part of
+    /// K⁻¹e. It points up: away from the points seen on the floor, or, when points lie on both sides of the horizon (a
+    /// scene at infinity), to the top of the image.
+    fn of(point: &CircularPoint, k: &Intrinsics, frame: &Frame, seen: impl Iterator<Item = Vector2<f64>>) -> Self {
+        let mut up = normal_of(point, k, frame);
+        let (mut below, mut above) = (0usize, 0usize);
+        for p in seen {
+            if k.ray(&p).dot(&up) < 0.0 {
+                below += 1;
+            } else {
+                above += 1;
+            }
+        }
+        let one_sided = below.max(above) > 9 * below.min(above) && below + above > 0;
+        let turn_over = if one_sided { above > below } else { up.y > 0.0 || (up.y == 0.0 && up.z > 0.0) };
+        if turn_over {
+            up = -up;
+        }
+        let line = k.inverse_matrix().transpose() * up;
+        let length = line.xy().norm();
+        let (pitch_down_rad, roll_rad) = attitude_from_up(&up);
+        Self {
+            pitch_down_rad,
+            roll_rad,
+            horizon_px: (length > 1e-12).then(|| [line.x / length, line.y / length, line.z / length]),
+            up,
+        }
+    }
+
+    /// +1 when the eigenvalue's angle is a counter-clockwise turn of the camera seen from above, -1 otherwise: the
+    /// eigenvector K A (1, i, 0) belongs to exp(i (yaw_b - yaw_a)).
+    fn turn_sign(&self, point: &CircularPoint, k: &Intrinsics, frame: &Frame) -> f64 {
+        normal_of(point, k, frame).dot(&self.up).signum()
+    }
+}
+
+fn normal_of(point: &CircularPoint, k: &Intrinsics, frame: &Frame) -> Vector3<f64> {
+    let m = (k.inverse_matrix() * frame.pixel_matrix()).map(|x| nalgebra::Complex::new(x, 0.0));
+    let v = m * point.point;
+    v.map(|z| z.re).cross(&v.map(|z| z.im)).normalize()
+}
