@@ -1,5 +1,7 @@
 //! Time of each stage on one thread: `cargo bench`. Prints the median and the fastest of repeated runs.
 
+#![allow(clippy::expect_used)] // a test or benchmark may end in a panic
+
 use std::{hint::black_box, time::Instant};
 
 use groundcal::{

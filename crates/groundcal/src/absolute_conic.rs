@@ -366,9 +366,10 @@ pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f6
                 }
             };
             add(&mut signal, &conic_rows(e, e));
-            // What errors of the point alone would add to the matrix.
             if round == ROUNDS - 1 {
-                let spread = Matrix4::from_diagonal_element(1e-18) + point.covariance;
+                // What image noise alone would add to the matrix. (An axis that strays moves a point along the conic: that is
+                // information, not noise.)
+                let spread = Matrix4::from_diagonal_element(1e-18) + point.point.covariance;
                 if let Some(root) = spread.cholesky() {
                     for c in 0..4 {
                         let column = root.l().column(c).into_owned();

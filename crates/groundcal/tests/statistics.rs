@@ -1,5 +1,7 @@
 //! Seeded Monte Carlo trials of the linear method on synthetic matches against the Cramér-Rao bound.
 
+#![allow(clippy::expect_used)] // a test or benchmark may end in a panic
+
 use groundcal::{
     absolute_conic::Constraint,
     calibrate::{Options, Silent, calibrate_matches},

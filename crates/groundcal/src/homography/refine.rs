@@ -199,6 +199,9 @@ impl LeastSquares for GoldStandard<'_> {
     }
 }
 
+/// Least noise that a covariance is made with, in pixels.
+const SIGMA_FLOOR_PX: f64 = 0.01;
+
 /// Ratio of the least to the largest standard deviation of the points over direction, the worse image of the two.
 pub fn spread_ratio(matches: &[PointMatch]) -> f64 {
     let ratio = |points: &dyn Fn(&PointMatch) -> Vector2<f64>| {
@@ -281,7 +284,9 @@ pub fn refine(
     let (prior_dof, prior_sq) = if dof < 20.0 { (2.0, 2.0) } else { (0.0, 0.0) };
     let sigma_sq_px = (squared_px / cut + prior_sq) / (dof + prior_dof);
     let tangent = sphere_tangent(&rows_of(&out.state));
-    let reduced = SMatrix::<f64, 8, 8>::from_fn(|r, c| inverse[(r, c)] * sigma_sq_px / scale_sq);
+    // No matcher is better than this; without a floor exact data would have infinite weight beside an axis error.
+    let variance = sigma_sq_px.max(SIGMA_FLOOR_PX * SIGMA_FLOOR_PX) / scale_sq;
+    let reduced = SMatrix::<f64, 8, 8>::from_fn(|r, c| inverse[(r, c)] * variance);
     let mean_weight = local.iter().map(|m| m.sigma_px.powi(-2)).sum::<f64>() / local.len() as f64;
     Ok(HomographyEstimate {
         h_b_from_a: Homography::from_frame(&out.state, frame).map_err(|_| degenerate(spread))?,

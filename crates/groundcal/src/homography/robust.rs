@@ -12,7 +12,7 @@ use crate::{
     frame::Frame,
     linalg::{matrix_from_rows, rows_of, sphere_tangent},
     ransac::{OUTLIER_SQUARED, RansacOptions, RobustProblem, search},
-    statistics::median,
+    statistics::{chi_squared_2_quantile, median},
 };
 
 /// Options of [`estimate_robust`].
@@ -92,8 +92,8 @@ impl RobustProblem for Problem<'_> {
     }
 }
 
-/// Fraction of good matches kept by the final cut.
-const KEPT: f64 = 0.99;
+/// Fraction of good matches kept by the final cut. At 99 % the hard cut would cost 3 % of accuracy, here it costs 1 %.
+const KEPT: f64 = 0.9973;
 
 /// A homography from point matches (pixels), some of which may be wrong. Deterministic by the seed.
 ///
@@ -138,8 +138,7 @@ fn estimate_among(
     let problem = Problem { matches: &local, scale: 1.0 / (max_sigma * max_sigma) };
     let found = search(&problem, &options.ransac).ok_or_else(degenerate)?;
 
-    // The scale of the noise from the inliers (median of chi-squared, two degrees of freedom: 2 ln 2), then cut at the
-    // 99 % point and refine, until the set of inliers rests.
+    // The scale of the noise from the inliers (median of chi-squared, two degrees of freedom: 2 ln 2), then cut and refine, until the set of inliers rests.
     let mut h = found.model;
     let mut inliers = found.inliers;
     let squared = |h: &Matrix3<f64>, i: usize| problem.squared_residual(h, i);
@@ -148,7 +147,7 @@ fn estimate_among(
     for _ in 0..8 {
         // At least a thousandth of a pixel, so that exact data keep all their points.
         let floor = (1e-3 / options.max_sigma_px).powi(2);
-        let limit = OUTLIER_SQUARED * noise.clamp(floor, 1.0);
+        let limit = (chi_squared_2_quantile(1.0 - KEPT) * noise.max(floor)).min(OUTLIER_SQUARED);
         let next: Vec<usize> = (0..local.len()).filter(|&i| squared(&h, i) < limit).collect();
         if next.len() < 4 {
             return Err(degenerate());
