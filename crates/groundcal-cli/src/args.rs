@@ -119,7 +119,8 @@ pub struct RenderArgs {
 /// [`Constraint`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum ConstraintArg {
-    /// Zero skew; priors on aspect (1 +- 0.003) and principal point (centre +- 5 % of the width); 1 attitude or more
+    /// Zero skew; priors on aspect (1 +- 0.003; +- 0.001 about a given one) and principal point (centre +- 5 % of the width;
+    /// +- 1 % about a given one); 1 attitude or more
     Auto,
     /// Nothing: fx, fy, cx, cy, skew; 3 attitudes
     Full,

@@ -201,6 +201,8 @@ pub struct CsvMatches {
     pub names: Vec<String>,
     /// Pairs that share points.
     pub pairs: Vec<ImagePair>,
+    /// Whether pairs that are no neighbours were left out.
+    pub neighbours_only: bool,
 }
 
 /// Reads `matches.csv` (image_a,image_b,xa,ya,xb,yb[,sigma_px]) or `tracks.csv` (image,track,x,y[,sigma_px]), told apart by
@@ -318,9 +320,10 @@ fn matches_table(table: &Table) -> Result<CsvMatches, CliError> {
         });
         pairs[at].matches.push(m);
     }
-    Ok(CsvMatches { names, pairs })
+    Ok(CsvMatches { names, pairs, neighbours_only: false })
 }
 
+/// Pairs of images that share tracks: all of them for a small set or when the user will choose, else neighbours.
 fn tracks_table(table: &Table, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
     type Observations = BTreeMap<String, ([f64; 2], f64)>;
     let mut images: HashMap<String, Observations> = HashMap::new();
@@ -337,10 +340,15 @@ fn tracks_table(table: &Table, all_pairs_limit: usize) -> Result<CsvMatches, Cli
     }
     let mut names: Vec<String> = images.keys().cloned().collect();
     names.sort_by(|a, b| natural_order(a, b));
-    let reach = if names.len() <= all_pairs_limit { names.len() } else { 3 };
+    let count = names.len();
+    let neighbours_only = count > all_pairs_limit;
     let mut pairs = Vec::new();
-    for i in 0..names.len() {
-        for j in i + 1..names.len().min(i + 1 + reach) {
+    for i in 0..count {
+        for j in i + 1..count {
+            // The last image meets the first where a turn closes.
+            if neighbours_only && j - i > 3 && (i, j) != (0, count - 1) {
+                continue;
+            }
             let (a, b) = (&images[&names[i]], &images[&names[j]]);
             let matches: Vec<PointMatch> = a
                 .iter()
@@ -356,7 +364,7 @@ fn tracks_table(table: &Table, all_pairs_limit: usize) -> Result<CsvMatches, Cli
             }
         }
     }
-    Ok(CsvMatches { names, pairs })
+    Ok(CsvMatches { names, pairs, neighbours_only })
 }
 
 /// Reads `--pairs`: image_a,image_b, each a name of `names` (or the end of its path, or without its extension).
@@ -365,19 +373,38 @@ pub fn pairs(path: &Path, names: &[String]) -> Result<Vec<(usize, usize)>, CliEr
     let find = |row: &(u64, csv::StringRecord), column: &str| -> Result<usize, CliError> {
         let wanted = table.text(row, column)?;
         let stem = |n: &str| Path::new(n).file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let exact = names.iter().position(|n| n == wanted);
-        let by_end = || names.iter().position(|n| Path::new(n).ends_with(wanted) || Path::new(wanted).ends_with(n));
-        let by_stem = || names.iter().position(|n| stem(n) == wanted);
-        exact.or_else(by_end).or_else(by_stem).ok_or_else(|| {
-            CliError::Input(format!(
-                "{} line {}: {wanted} is none of the {} images",
-                path.display(),
-                row.0,
-                names.len()
-            ))
-        })
+        let exact = |n: &str| n == wanted;
+        let by_end = |n: &str| Path::new(n).ends_with(wanted) || Path::new(wanted).ends_with(n);
+        let by_stem = |n: &str| stem(n) == wanted;
+        let rules: [&dyn Fn(&str) -> bool; 3] = [&exact, &by_end, &by_stem];
+        let fail = |what: String| Err(CliError::Input(format!("{} line {}: {what}", path.display(), row.0)));
+        for rule in rules {
+            let found: Vec<usize> = (0..names.len()).filter(|&i| rule(&names[i])).collect();
+            match found.as_slice() {
+                [] => {}
+                [only] => return Ok(*only),
+                [first, second, ..] => {
+                    let (first, second) = (&names[*first], &names[*second]);
+                    return fail(format!("{wanted} may be {first} or {second}; write the whole name"));
+                }
+            }
+        }
+        fail(format!("{wanted} is none of the {} images", names.len()))
     };
-    table.rows.iter().map(|row| Ok((find(row, "image_a")?, find(row, "image_b")?))).collect()
+    let mut seen = std::collections::HashSet::new();
+    let mut pairs = Vec::new();
+    for row in &table.rows {
+        let (a, b) = (find(row, "image_a")?, find(row, "image_b")?);
+        let fail = |what: String| Err(CliError::Input(format!("{} line {}: {what}", path.display(), row.0)));
+        if a == b {
+            return fail(format!("a pair of {} with itself", names[a]));
+        }
+        if !seen.insert((a.min(b), a.max(b))) {
+            return fail(format!("the pair {} and {} appears twice", names[a], names[b]));
+        }
+        pairs.push((a, b));
+    }
+    Ok(pairs)
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use error::CliError;
 use groundcal::{
     calibrate::{Options, calibrate_images, calibrate_matches},
     distortion::Distortion,
-    result::Calibration,
+    result::{Calibration, Warning},
 };
 use progress::Progress;
 
@@ -93,11 +93,18 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize)
             let size = args.image_size.ok_or_else(|| {
                 CliError::Usage(format!("{}: give the size of the images with --image-size WxH", path.display()))
             })?;
-            let table = load::csv_matches(&path, options.all_pairs_limit)?;
+            // Who names the pairs may name any.
+            let limit = if args.pairs.is_some() { usize::MAX } else { options.all_pairs_limit };
+            let table = load::csv_matches(&path, limit)?;
             if let Some(path) = &args.pairs {
                 options.pairs = Some(load::pairs(path, &table.names)?);
             }
-            Ok((calibrate_matches(&table.names, size, &table.pairs, &options, progress)?, table.names.len()))
+            let images = table.names.len();
+            let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
+            if table.neighbours_only {
+                calibration.warnings.push(Warning::NeighboursOnly { images }.report());
+            }
+            Ok((calibration, images))
         }
     }
 }

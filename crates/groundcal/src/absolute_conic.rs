@@ -431,9 +431,10 @@ fn check_rank(signal: &DMatrix<f64>, noise: &DMatrix<f64>, constraint: Constrain
     if ratio < MIN_SIGNAL_OVER_NOISE {
         return Err(Error::Undetermined {
             constraint: constraint.name(),
-            direction: "a whole family of cameras fits the motions equally well".into(),
-            ratio,
-            needed: MIN_SIGNAL_OVER_NOISE,
+            direction: format!(
+                "a whole family of cameras fits the motions equally well (signal over noise {ratio:.2}, at least \
+                 {MIN_SIGNAL_OVER_NOISE} is needed)"
+            ),
             remedy: "Tilt or roll the camera by 20 degrees and repeat a motion, or use a stronger constraint \
                      (`--constraint focal`)"
                 .into(),

@@ -47,9 +47,16 @@ pub struct AttitudeGroup {
 /// Squared distance beyond which two attitudes are different: 99.9 % of chi-squared with four degrees of freedom.
 pub const DIFFERENT_ATTITUDE: f64 = 18.467;
 
+/// A circular point in the tangent coordinates of another.
+struct Transferred {
+    coordinates: Vector4<f64>,
+    covariance: Matrix4<f64>,
+    by_k1: Option<Vector4<f64>>,
+}
+
 /// The point `other` (or its conjugate, whichever is nearer) in the tangent coordinates of `base`, with its covariance
 /// there; exact for points that agree, first order near them.
-fn in_tangent_of(base: &CircularPoint, other: &WeightedPoint) -> Option<(Vector4<f64>, Matrix4<f64>)> {
+fn in_tangent_of(base: &CircularPoint, other: &WeightedPoint) -> Option<Transferred> {
     let conjugate = other.point.conjugate();
     let conjugate_covariance = {
         let flip = Matrix4::from_diagonal(&Vector4::new(1.0, -1.0, 1.0, -1.0));
@@ -76,13 +83,23 @@ fn in_tangent_of(base: &CircularPoint, other: &WeightedPoint) -> Option<(Vector4
         }
     }
     let vector = Vector4::new(coordinates[0].re, coordinates[0].im, coordinates[1].re, coordinates[1].im);
-    Some((vector, map * covariance * map.transpose()))
+    Some(Transferred {
+        coordinates: vector,
+        covariance: map * covariance * map.transpose(),
+        by_k1: point.by_k1.map(|shift| map * shift),
+    })
 }
 
-/// Squared Mahalanobis distance between two circular points (four degrees of freedom); infinite for points far apart.
-pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint) -> f64 {
-    let Some((difference, covariance)) = in_tangent_of(&a.point, b) else { return f64::INFINITY };
-    let total = a.covariance + covariance;
+/// Squared Mahalanobis distance between two circular points (four degrees of freedom); infinite for points far apart. A
+/// radial distortion of deviation `k1_sigma` moves both: only the difference of what it does to them counts.
+pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) -> f64 {
+    let Some(Transferred { coordinates: difference, covariance, by_k1 }) = in_tangent_of(&a.point, b) else {
+        return f64::INFINITY;
+    };
+    let mut total = a.covariance + covariance;
+    if let (Some(p), Some(q)) = (a.point.by_k1, by_k1) {
+        total += (q - p) * (q - p).transpose() * (k1_sigma * k1_sigma);
+    }
     let floor = Matrix4::from_diagonal_element(1e-20 + 1e-12 * total.trace());
     (total + floor).try_inverse().map_or(f64::INFINITY, |i| (difference.transpose() * i * difference)[(0, 0)])
 }
@@ -107,7 +124,7 @@ pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f
     for group in groups {
         let nearest = apart
             .iter_mut()
-            .map(|g| (attitude_distance(&g.fused, &group.fused), g))
+            .map(|g| (attitude_distance(&g.fused, &group.fused, 0.0), g))
             .min_by(|a, b| a.0.total_cmp(&b.0))
             .filter(|(distance, _)| *distance < DIFFERENT_ATTITUDE);
         match nearest {
@@ -176,14 +193,16 @@ fn join(members: Vec<usize>, weighted: &[WeightedPoint], motions: &[Motion]) -> 
 
 /// Squared distance of a member from the mean, in units of the member's own covariance.
 fn squared_difference(mean: &WeightedPoint, member: &WeightedPoint) -> f64 {
-    let Some((difference, covariance)) = in_tangent_of(&mean.point, member) else { return f64::INFINITY };
+    let Some(Transferred { coordinates: difference, covariance, .. }) = in_tangent_of(&mean.point, member) else {
+        return f64::INFINITY;
+    };
     let floor = Matrix4::from_diagonal_element(1e-20 + 1e-12 * covariance.trace());
     (covariance + floor).try_inverse().map_or(f64::INFINITY, |i| (difference.transpose() * i * difference)[(0, 0)])
 }
 
 /// The weighted mean of two circular points.
 fn fuse(base: &WeightedPoint, other: &WeightedPoint) -> Option<WeightedPoint> {
-    let (difference, covariance) = in_tangent_of(&base.point, other)?;
+    let Transferred { coordinates: difference, covariance, .. } = in_tangent_of(&base.point, other)?;
     let floor = Matrix4::from_diagonal_element(1e-30);
     let (base_information, information) =
         ((base.covariance + floor).try_inverse()?, (covariance + floor).try_inverse()?);

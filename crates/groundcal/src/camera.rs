@@ -14,6 +14,7 @@ use crate::{
     error::Error,
     frame::Frame,
     intrinsics::Intrinsics,
+    linalg::ComplexPoint,
     statistics::chi_squared_survival,
 };
 
@@ -145,24 +146,47 @@ fn solve_groups(
         });
     }
     let points: Vec<WeightedPoint> = groups.iter().map(|g| g.fused.clone()).collect();
+    solve_points(&points, options, priors, frame).map_err(|error| match error {
+        // Straight down the circular points lie at infinity (third coordinate 0), whatever the roll.
+        Error::Undetermined { constraint, direction, .. } if points.iter().all(|p| looks_straight_down(&p.point.point)) => {
+            Error::Undetermined {
+                constraint,
+                direction: format!("{direction}; the camera looks straight down on the plane in every motion, which says nothing of the focal length"),
+                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+            }
+        }
+        error => error,
+    })
+}
+
+/// Whether a circular point is that of a view square to the plane, to about three degrees.
+fn looks_straight_down(point: &ComplexPoint) -> bool {
+    point.z.norm() < 0.05 * point.x.norm().hypot(point.y.norm())
+}
+
+fn solve_points(
+    points: &[WeightedPoint],
+    options: &CameraOptions,
+    priors: &Priors,
+    frame: &Frame,
+) -> Result<ConicSolution, Error> {
+    let constraint = options.constraint;
     let solution = if constraint == Constraint::Auto {
-        maximum_a_posteriori(&points, options, priors)
+        maximum_a_posteriori(points, options, priors)
     } else {
-        let start = solve_linear(&points, constraint, options.aspect)?;
-        refine(&points, &start, constraint.free(), priors)
+        let start = solve_linear(points, constraint, options.aspect)?;
+        refine(points, &start, constraint.free(), priors)
     };
     let solution = solution.ok_or_else(|| Error::Undetermined {
         constraint: constraint.name(),
         direction: format!(
             "the equations of {} do not tell its {} unknowns apart",
-            attitudes(groups.len()),
+            attitudes(points.len()),
             constraint.unknowns()
         ),
-        ratio: 0.0,
-        needed: 1.0,
         remedy: remedy(constraint),
     })?;
-    check_certainty(&solution, constraint, groups.len(), frame)?;
+    check_certainty(&solution, constraint, points.len(), frame)?;
     Ok(solution)
 }
 
@@ -210,10 +234,8 @@ fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, prior
 fn check_certainty(s: &ConicSolution, constraint: Constraint, groups: usize, frame: &Frame) -> Result<(), Error> {
     let sigma = |i: usize| s.covariance[(i, i)].max(0.0).sqrt();
     let mut parts = Vec::new();
-    let mut worst: f64 = 0.0;
     let mut report = |value: f64, limit: f64, text: String| {
         if value.is_nan() || value > limit {
-            worst = worst.max(value / limit);
             parts.push(text);
         }
     };
@@ -230,8 +252,6 @@ fn check_certainty(s: &ConicSolution, constraint: Constraint, groups: usize, fra
     Err(Error::Undetermined {
         constraint: constraint.name(),
         direction: format!("{} would give {}", attitudes(groups), parts.join(", ")),
-        ratio: 1.0 / worst,
-        needed: 1.0,
         remedy: remedy(constraint),
     })
 }
@@ -243,7 +263,9 @@ fn in_pixels(
     priors: &Priors,
     frame: &Frame,
 ) -> CameraSolution {
-    let intrinsics = frame.intrinsics_to_pixel(&s.intrinsics());
+    let mut intrinsics = frame.intrinsics_to_pixel(&s.intrinsics());
+    // Minus zero looks odd in a file.
+    intrinsics.skew += 0.0;
     let p_value = chi_squared_survival(s.chi_squared, s.degrees_of_freedom);
     let variance_inflation = if s.degrees_of_freedom > 0 && p_value < DISAGREEMENT_P {
         s.chi_squared / s.degrees_of_freedom as f64

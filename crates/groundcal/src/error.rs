@@ -91,19 +91,12 @@ pub enum Error {
         alternative: String,
     },
     /// The equations have a direction that the motions do not see.
-    #[error(
-        "the motions do not determine what `{constraint}` asks for: {direction} (signal over noise {ratio:.2}, at least {needed:.1} is needed). \
-         {remedy}"
-    )]
+    #[error("the motions do not determine what `{constraint}` asks for: {direction}. {remedy}")]
     Undetermined {
         /// The constraint asked for.
         constraint: &'static str,
         /// The unseen direction in the user's words, with numbers.
         direction: String,
-        /// Information over what noise alone would give.
-        ratio: f64,
-        /// The least ratio accepted.
-        needed: f64,
         /// What to do next.
         remedy: String,
     },

@@ -71,7 +71,10 @@ struct Search<'a> {
     motions: &'a [Motion],
     priors: Priors,
     options: &'a ConsistencyOptions,
-    /// conflict[i][j]: squared attitude distance of motions that share an image; 0 otherwise.
+    /// Circular points with their covariance for a middling camera.
+    reference: Vec<WeightedPoint>,
+    /// conflict[i][j]: squared attitude distance of motions that share an image; not a number otherwise (found when asked
+    /// for).
     conflict: Vec<Vec<f64>>,
 }
 
@@ -80,14 +83,21 @@ struct Search<'a> {
 const SEARCH_LN_F: (f64, f64) = (0.6, 0.55);
 
 impl Search<'_> {
-    fn weighted(&self, index: usize, p: &Parameters) -> WeightedPoint {
+    /// A motion's circular point with its covariance, all but the distortion.
+    fn undistorted(&self, index: usize, p: &Parameters) -> WeightedPoint {
         let point = self.motions[index].geometry.circular_point.clone();
-        let mut covariance = point.total_covariance(&intrinsics_of(p), self.options.attitude_sigma_rad);
-        covariance += Matrix4::from_diagonal_element(self.options.direction_sigma.powi(2));
-        if let Some(shift) = point.by_k1 {
-            covariance += shift * shift.transpose() * self.options.k1_sigma.powi(2);
-        }
+        let covariance = point.total_covariance(&intrinsics_of(p), self.options.attitude_sigma_rad)
+            + Matrix4::from_diagonal_element(self.options.direction_sigma.powi(2));
         WeightedPoint { point, covariance }
+    }
+
+    /// The same with the distortion as noise of its own.
+    fn weighted(&self, index: usize, p: &Parameters) -> WeightedPoint {
+        let mut weighted = self.undistorted(index, p);
+        if let Some(shift) = weighted.point.by_k1 {
+            weighted.covariance += shift * shift.transpose() * self.options.k1_sigma.powi(2);
+        }
+        weighted
     }
 
     fn solve(&self, members: &[usize], start: &Parameters) -> Option<ConicSolution> {
@@ -112,8 +122,34 @@ impl Search<'_> {
         if m.to.abs_diff(m.from) == 1 { NEIGHBOUR_LOG_ODDS } else { -(self.motions.len() as f64).ln() }
     }
 
+    /// Whether a candidate contradicts the members. Images joined by motions share one attitude, so every candidate among
+    /// them, member or not, must have the circular point of the one to be added: of three images of which two share an
+    /// attitude, the two false pairs may well agree with each other, but not with the true one.
     fn conflicts(&self, index: usize, members: &[usize]) -> bool {
-        members.iter().any(|&m| self.conflict[index][m] > DIFFERENT_ATTITUDE)
+        let new = &self.motions[index];
+        let mut images = std::collections::BTreeSet::from([new.from, new.to]);
+        let mut grew = true;
+        while grew {
+            let before = images.len();
+            for m in members.iter().map(|&m| &self.motions[m]) {
+                if images.contains(&m.from) || images.contains(&m.to) {
+                    images.extend([m.from, m.to]);
+                }
+            }
+            grew = images.len() > before;
+        }
+        let among = |m: &Motion| images.contains(&m.from) && images.contains(&m.to);
+        let others = self.motions.iter().enumerate().filter(|(i, m)| *i != index && among(m));
+        others.into_iter().any(|(i, _)| self.distance(index, i) > DIFFERENT_ATTITUDE)
+    }
+
+    fn distance(&self, a: usize, b: usize) -> f64 {
+        let known = self.conflict[a][b];
+        if known.is_nan() {
+            attitude_distance(&self.reference[a], &self.reference[b], self.options.k1_sigma)
+        } else {
+            known
+        }
     }
 
     fn grow(&self, seed: usize) -> Option<Hypothesis> {
@@ -175,15 +211,17 @@ pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Sele
     let priors =
         Priors([Some(SEARCH_LN_F), Some((options.aspect.ln(), 0.01)), Some((0.0, sigma)), Some((0.0, sigma)), None]);
     let reference = Parameters::from([SEARCH_LN_F.0, options.aspect.ln(), 0.0, 0.0, 0.0]);
-    let mut search = Search { motions, priors, options, conflict: Vec::new() };
-    let weighted: Vec<WeightedPoint> = (0..motions.len()).map(|i| search.weighted(i, &reference)).collect();
+    let mut search = Search { motions, priors, options, reference: Vec::new(), conflict: Vec::new() };
+    search.reference = (0..motions.len()).map(|i| search.undistorted(i, &reference)).collect();
     let shares = |a: &Motion, b: &Motion| [a.from, a.to].into_iter().find(|v| *v == b.from || *v == b.to);
     search.conflict = (0..motions.len())
         .map(|i| {
             (0..motions.len())
                 .map(|j| match shares(&motions[i], &motions[j]) {
-                    Some(_) if i != j => attitude_distance(&weighted[i], &weighted[j]),
-                    _ => 0.0,
+                    Some(_) if i != j => {
+                        attitude_distance(&search.reference[i], &search.reference[j], options.k1_sigma)
+                    }
+                    _ => f64::NAN,
                 })
                 .collect()
         })

@@ -71,7 +71,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
         let unit = if p.parameter == "aspect" { "" } else { " px" };
         writeln!(
             w,
-            "prior: {:<8}{:>10.3} +- {:<8.3}{:<4} of its width the images left {:.0} %",
+            "prior: {:<8}{:>10.3} +- {:<8.3}{:<4} narrowed by the images to {:.0} % of that width",
             p.parameter,
             p.mean,
             p.sigma,
@@ -108,7 +108,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     writeln!(
         w,
         "Pixel (0,0) is the centre of the top-left pixel. turn: of the camera, anticlockwise seen from above;\n\
-         rho: height of the second view over the first's (1: constant height), with respect to its distance;\n\
+         rho: height of the second view over the floor in units of the first's (1: constant height);\n\
          pitch: optical axis below the horizon; roll: right-hand side down; both in degrees."
     )?;
     for warning in &c.warnings {

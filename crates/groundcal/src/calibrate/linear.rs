@@ -93,16 +93,15 @@ impl Pipeline<'_> {
             let settled = self.settle(&pairs, &results, &used, lens)?;
             lens.intrinsics = settled.intrinsics;
             amplification = settled.amplification;
-            if settled.last_change > 1e-6 {
-                warnings.push(Warning::DistortionNotConverged { relative_change: settled.last_change });
-            }
         }
         let results = self.homographies(&pairs, Some(&lens));
         let used = self.select(&results, &pairs, trusted)?.used();
         let settled = self.settle(&pairs, &results, &used, lens)?;
         lens.intrinsics = settled.intrinsics;
+        if settled.last_change > 1e-6 {
+            warnings.push(Warning::DistortionNotConverged { relative_change: settled.last_change });
+        }
         let results = self.refit_all(&pairs, results, &lens);
-        warnings.dedup();
         let mut out = self.conclude_with(&pairs, results, trusted, warnings, Some(lens))?;
         super::report::amplify(&mut out, amplification.max(settled.amplification));
         Ok(out)

@@ -9,7 +9,10 @@ use crate::{
     correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
-    homography::{HomographyEstimate, RobustHomography, estimate_robust, refine::RefineOptions, refine::refine},
+    homography::{
+        HomographyEstimate, RobustHomography, estimate_robust,
+        refine::{RefineOptions, refine, spread_ratio},
+    },
     intrinsics::Intrinsics,
     linalg::complex_pair_eigen,
 };
@@ -19,6 +22,8 @@ pub(super) struct Refusal {
     pub(super) reason: String,
     pub(super) rotation_deg: Option<f64>,
     pub(super) homography: Option<Box<RobustHomography>>,
+    /// The error itself, to be shown where there is one pair only.
+    pub(super) error: Option<Error>,
     pub(super) kind: RefusalKind,
 }
 
@@ -47,6 +52,7 @@ pub(super) fn geometry_of(robust: RobustHomography) -> Result<(RobustHomography,
                 ),
                 rotation_deg: Some(deg),
                 homography: Some(Box::new(robust)),
+                error: None,
                 kind: RefusalKind::NoRotation,
             })
         }
@@ -54,6 +60,7 @@ pub(super) fn geometry_of(robust: RobustHomography) -> Result<(RobustHomography,
             reason: format!("circular point too uncertain (direction known to {:.0} degrees)", sigma.to_degrees()),
             rotation_deg: None,
             homography: Some(Box::new(robust)),
+            error: None,
             kind: RefusalKind::Uncertain,
         }),
     }
@@ -90,7 +97,7 @@ impl Pipeline<'_> {
         let candidates = pair.matches.len();
         let refuse = |reason: String, kind, homography| PairResult {
             candidates,
-            outcome: Err(Refusal { reason, rotation_deg: None, homography, kind }),
+            outcome: Err(Refusal { reason, rotation_deg: None, homography, error: None, kind }),
         };
         if candidates < self.min_matches.max(4) {
             let text = format!("{candidates} matches only ({} needed)", self.min_matches.max(4));
@@ -105,11 +112,20 @@ impl Pipeline<'_> {
         robust.min_inliers = self.min_matches.max(6);
         robust.ransac.seed = self.options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
         match estimate_robust(&ideal, &self.frame(), &robust) {
-            Err(_) => refuse(
-                format!("no common plane: none of {candidates} matches agree on one"),
-                RefusalKind::NoPlane,
-                None,
-            ),
+            Err(error) => {
+                let on_a_line = spread_ratio(&ideal) < 0.01;
+                let reason = if on_a_line {
+                    format!("the {candidates} matches lie on a line")
+                } else {
+                    format!("no common plane: none of {candidates} matches agree on one")
+                };
+                let error = on_a_line.then_some(error);
+                let kind = RefusalKind::NoPlane;
+                PairResult {
+                    candidates,
+                    outcome: Err(Refusal { reason, rotation_deg: None, homography: None, error, kind }),
+                }
+            }
             Ok(found) if found.inliers.len() < self.min_matches => {
                 let text = format!(
                     "no common plane: {} of {candidates} matches agree on one ({} needed)",
@@ -192,6 +208,9 @@ impl Pipeline<'_> {
         let count = |kind| refusals().filter(|r| r.kind == kind).count();
         let with_plane = results.len() - count(RefusalKind::NoPlane);
         if with_plane == 0 {
+            if let ([_], Some(error)) = (results, refusals().find_map(|r| r.error.clone())) {
+                return error;
+            }
             let best = refusals().filter_map(|r| r.homography.as_ref()).map(|h| h.inliers.len()).max().unwrap_or(0);
             return Error::NoCommonPlane { pairs: results.len(), best, needed: self.min_matches };
         }
@@ -199,17 +218,20 @@ impl Pipeline<'_> {
         let (reason, remedy) = if count(RefusalKind::Static) == with_plane {
             ("nothing moved between the images (all matches stand still)".to_string(), turn.to_string())
         } else if count(RefusalKind::NoRotation) > 0 {
-            let largest = refusals()
-                .filter(|r| r.kind == RefusalKind::NoRotation)
-                .filter_map(|r| r.rotation_deg)
-                .fold(0.0, f64::max);
-            (
+            let angles = || refusals().filter(|r| r.kind == RefusalKind::NoRotation).filter_map(|r| r.rotation_deg);
+            let (largest, half_turns) = (angles().fold(0.0, f64::max), angles().filter(|a| *a > 90.0).count());
+            let reason = if half_turns == count(RefusalKind::NoRotation) {
+                format!(
+                    "the camera was turned by nearly 180 degrees (eigenvalue angle {largest:.1} degrees): the circular points cannot be \
+                     told apart there"
+                )
+            } else {
                 format!(
                     "the camera was moved without a turn, a pure translation says nothing of the focal length (largest eigenvalue angle \
                      {largest:.1} degrees, not above its noise)"
-                ),
-                turn.to_string(),
-            )
+                )
+            };
+            (reason, turn.to_string())
         } else {
             let text =
                 refusals().find(|r| r.kind == RefusalKind::Uncertain).map_or(String::new(), |r| r.reason.clone());

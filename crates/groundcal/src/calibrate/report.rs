@@ -104,9 +104,10 @@ impl Pipeline<'_> {
         if motions == 1 {
             warnings.push(Warning::SingleMotion);
         }
-        if attitudes.len() == 1 {
+        let point_given = self.options.principal_point_px.is_some();
+        if attitudes.len() == 1 && !point_given {
             warnings.push(Warning::SingleAttitude { motions });
-        } else if s.estimated[2] {
+        } else if attitudes.len() > 1 && s.estimated[2] {
             // Rolls modulo 180 degrees: the horizon is a line without direction.
             let rolls: Vec<f64> = attitudes.iter().map(|a| a.roll_rad).collect();
             let apart = |a: f64, b: f64| {

@@ -98,8 +98,8 @@ const KEPT: f64 = 0.9973;
 /// A homography from point matches (pixels), some of which may be wrong. Deterministic by the seed.
 ///
 /// # Errors
-/// [`Error::TooFewMatches`] for fewer than four, [`Error::DegeneratePoints`] when no quadruple or the inliers do not
-/// determine a homography.
+/// [`Error::DegeneratePoints`] when there are fewer than four matches, or no quadruple of them or the inliers determine a
+/// homography.
 pub fn estimate_robust(
     matches: &[PointMatch],
     frame: &Frame,
