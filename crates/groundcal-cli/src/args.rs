@@ -59,7 +59,7 @@ pub struct CalibrateArgs {
     pub principal_point: Option<[f64; 2]>,
 
     /// fy / fx: held by `square` and `focal`, centre of the prior of `auto` [default: 1]
-    #[arg(long, value_name = "A")]
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub aspect: Option<f64>,
 
     /// Known radial distortion of the lens (Brown-Conrady, as OpenCV); it is undone before anything else
@@ -71,7 +71,7 @@ pub struct CalibrateArgs {
     pub k2: Option<f64>,
 
     /// How far the camera pitches and rolls by itself between views, standard deviation in degrees (0: not at all)
-    #[arg(long, value_name = "DEG", default_value_t = 0.1)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.1, allow_negative_numbers = true)]
     pub attitude_sigma_deg: f64,
 
     /// Image size, for matches.csv and tracks.csv

@@ -2,12 +2,12 @@
 
 use std::{
     cmp::Ordering,
-    collections::{BTreeMap, HashMap},
+    collections::HashMap,
     path::{Path, PathBuf},
 };
 
 use groundcal::{
-    correspondence::{ImagePair, PointMatch},
+    correspondence::{ImagePair, PointMatch, validated},
     image::{GrayImage, ImageSize},
 };
 use image::{DynamicImage, ImageDecoder, ImageReader};
@@ -134,7 +134,7 @@ fn image(path: &Path) -> Result<GrayImage, CliError> {
     let fail = |what: String| CliError::Input(format!("{}: {what}", path.display()));
     let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot be read: {e}")))?;
     if bytes.is_empty() {
-        return Err(fail("the file is empty".into()));
+        return Err(fail("the file is empty. Copy it again or remove it".into()));
     }
     let mut reader = ImageReader::new(std::io::Cursor::new(&bytes))
         .with_guessed_format()
@@ -207,13 +207,13 @@ pub struct CsvMatches {
 
 /// Reads `matches.csv` (image_a,image_b,xa,ya,xb,yb[,sigma_px]) or `tracks.csv` (image,track,x,y[,sigma_px]), told apart by
 /// the header.
-pub fn csv_matches(path: &Path, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
+pub fn csv_matches(path: &Path, size: ImageSize, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
     let table = Table::read(path)?;
     let has = |name: &str| table.columns.contains_key(name);
     if has("image_a") && has("xa") {
-        matches_table(&table)
+        matches_table(&table, size)
     } else if has("track") && has("image") {
-        tracks_table(&table, all_pairs_limit)
+        tracks_table(&table, size, all_pairs_limit)
     } else {
         Err(CliError::Input(format!(
             "{}: the header is neither that of matches (image_a,image_b,xa,ya,xb,yb[,sigma_px]) nor of tracks \
@@ -268,6 +268,20 @@ impl Table {
         })
     }
 
+    /// A point, refused with its line where the library would refuse it with a number of its own.
+    fn point(&self, row: &(u64, csv::StringRecord), columns: [&str; 2], size: ImageSize) -> Result<[f64; 2], CliError> {
+        let (x, y) = (self.number(row, columns[0])?, self.number(row, columns[1])?);
+        let point = PointMatch::new([x, y], [x, y]);
+        if validated(&[point], size).is_err() {
+            return Err(CliError::Input(format!(
+                "{} line {}: ({x}, {y}) lies far outside an image of {size} pixels. Check the line and --image-size",
+                self.path.display(),
+                row.0
+            )));
+        }
+        Ok([x, y])
+    }
+
     fn sigma(&self, row: &(u64, csv::StringRecord)) -> Result<f64, CliError> {
         if !self.columns.contains_key("sigma_px") {
             return Ok(1.0);
@@ -284,7 +298,7 @@ impl Table {
     }
 }
 
-fn matches_table(table: &Table) -> Result<CsvMatches, CliError> {
+fn matches_table(table: &Table, size: ImageSize) -> Result<CsvMatches, CliError> {
     let mut names: Vec<String> = Vec::new();
     let mut index: HashMap<String, usize> = HashMap::new();
     let mut pairs: Vec<ImagePair> = Vec::new();
@@ -305,8 +319,8 @@ fn matches_table(table: &Table) -> Result<CsvMatches, CliError> {
                 names[from]
             )));
         }
-        let a = [table.number(row, "xa")?, table.number(row, "ya")?];
-        let b = [table.number(row, "xb")?, table.number(row, "yb")?];
+        let a = table.point(row, ["xa", "ya"], size)?;
+        let b = table.point(row, ["xb", "yb"], size)?;
         let mut m = PointMatch { sigma_px: table.sigma(row)?, ..PointMatch::new(a, b) };
         // The same two images the other way round belong to the same pair.
         let turned = known.contains_key(&(to, from));
@@ -324,12 +338,12 @@ fn matches_table(table: &Table) -> Result<CsvMatches, CliError> {
 }
 
 /// Pairs of images that share tracks: all of them for a small set or when the user will choose, else neighbours.
-fn tracks_table(table: &Table, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
-    type Observations = BTreeMap<String, ([f64; 2], f64)>;
+fn tracks_table(table: &Table, size: ImageSize, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
+    type Observations = HashMap<String, ([f64; 2], f64)>;
     let mut images: HashMap<String, Observations> = HashMap::new();
     for row in &table.rows {
         let (image, track) = (table.text(row, "image")?, table.text(row, "track")?);
-        let point = ([table.number(row, "x")?, table.number(row, "y")?], table.sigma(row)?);
+        let point = (table.point(row, ["x", "y"], size)?, table.sigma(row)?);
         if images.entry(image.to_string()).or_default().insert(track.to_string(), point).is_some() {
             return Err(CliError::Input(format!(
                 "{} line {}: track {track} appears twice in image {image}",
@@ -350,13 +364,16 @@ fn tracks_table(table: &Table, all_pairs_limit: usize) -> Result<CsvMatches, Cli
                 continue;
             }
             let (a, b) = (&images[&names[i]], &images[&names[j]]);
-            let matches: Vec<PointMatch> = a
-                .iter()
-                .filter_map(|(track, (pa, sa))| {
-                    let (pb, sb) = b.get(track)?;
+            let mut shared: Vec<&String> = a.keys().filter(|track| b.contains_key(*track)).collect();
+            // An order that the order of the rows has no part in.
+            shared.sort_by(|a, b| natural_order(a, b));
+            let matches: Vec<PointMatch> = shared
+                .into_iter()
+                .map(|track| {
+                    let ((pa, sa), (pb, sb)) = (&a[track], &b[track]);
                     // The model has one deviation for both images of a match.
                     let sigma_px = (0.5 * (sa * sa + sb * sb)).sqrt();
-                    Some(PointMatch { sigma_px, ..PointMatch::new(*pa, *pb) })
+                    PointMatch { sigma_px, ..PointMatch::new(*pa, *pb) }
                 })
                 .collect();
             if !matches.is_empty() {
@@ -369,6 +386,7 @@ fn tracks_table(table: &Table, all_pairs_limit: usize) -> Result<CsvMatches, Cli
 
 /// Reads `--pairs`: image_a,image_b, each a name of `names` (or the end of its path, or without its extension).
 pub fn pairs(path: &Path, names: &[String]) -> Result<Vec<(usize, usize)>, CliError> {
+    const LISTED: usize = 12;
     let table = Table::read(path)?;
     let find = |row: &(u64, csv::StringRecord), column: &str| -> Result<usize, CliError> {
         let wanted = table.text(row, column)?;
@@ -389,18 +407,26 @@ pub fn pairs(path: &Path, names: &[String]) -> Result<Vec<(usize, usize)>, CliEr
                 }
             }
         }
-        fail(format!("{wanted} is none of the {} images", names.len()))
+        fail(format!(
+            "{wanted} is none of the {} images. Write the names as the program does: {}{}",
+            names.len(),
+            names[..names.len().min(LISTED)].join(", "),
+            if names.len() > LISTED { ", ..." } else { "" }
+        ))
     };
-    let mut seen = std::collections::HashSet::new();
-    let mut pairs = Vec::new();
+    let mut pairs = Vec::with_capacity(table.rows.len());
+    let mut line_of: HashMap<(usize, usize), u64> = HashMap::new();
     for row in &table.rows {
         let (a, b) = (find(row, "image_a")?, find(row, "image_b")?);
-        let fail = |what: String| Err(CliError::Input(format!("{} line {}: {what}", path.display(), row.0)));
+        let refuse = |what: String| Err(CliError::Input(format!("{} line {}: {what}", path.display(), row.0)));
         if a == b {
-            return fail(format!("a pair of {} with itself", names[a]));
+            return refuse(format!("a pair of {} with itself. Name two images", names[a]));
         }
-        if !seen.insert((a.min(b), a.max(b))) {
-            return fail(format!("the pair {} and {} appears twice", names[a], names[b]));
+        if let Some(earlier) = line_of.insert((a.min(b), a.max(b)), row.0) {
+            return refuse(format!(
+                "{} and {} are a pair already in line {earlier}. Remove one of the lines",
+                names[a], names[b]
+            ));
         }
         pairs.push((a, b));
     }

@@ -95,7 +95,7 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize)
             })?;
             // Who names the pairs may name any.
             let limit = if args.pairs.is_some() { usize::MAX } else { options.all_pairs_limit };
-            let table = load::csv_matches(&path, limit)?;
+            let table = load::csv_matches(&path, size, limit)?;
             if let Some(path) = &args.pairs {
                 options.pairs = Some(load::pairs(path, &table.names)?);
             }
