@@ -71,8 +71,9 @@ pub struct CalibrateArgs {
     pub k2: Option<f64>,
 
     /// How far the camera pitches and rolls by itself between views, standard deviation in degrees (0: not at all)
-    #[arg(long, value_name = "DEG", default_value_t = 0.1, allow_negative_numbers = true)]
-    pub attitude_sigma_deg: f64,
+    /// [default: 0.1; 1.5 for a single motion before a background that stands still]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub attitude_sigma_deg: Option<f64>,
 
     /// Image size, for matches.csv and tracks.csv
     #[arg(long, value_name = "WxH", value_parser = parse_size)]

@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         })
         .collect();
     let names: Vec<String> = (0..2 * homographies.len()).map(|i| format!("view {i}")).collect();
-    let options = Options { constraint: Constraint::ZeroSkew, attitude_sigma_deg: 0.0, ..Options::default() };
+    let options = Options { constraint: Constraint::ZeroSkew, attitude_sigma_deg: Some(0.0), ..Options::default() };
     let calibration = calibrate_homographies(&names, scene.size, &homographies, &options)?;
     let (found, truth) = (&calibration.camera, &scene.intrinsics);
     println!("found  fx {:.4}  fy {:.4}  cx {:.4}  cy {:.4}", found.fx, found.fy, found.cx, found.cy);

@@ -155,6 +155,24 @@ fn solve_groups(
                 remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
             }
         }
+        Error::NotPositiveDefinite { constraint, .. } if points.iter().all(|p| looks_straight_down(&p.point.point)) => {
+            Error::Undetermined {
+                constraint,
+                direction: "the camera looks straight down on the plane in every motion, which says nothing of the focal length".into(),
+                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+            }
+        }
+        Error::NotPositiveDefinite { constraint, eigenvalues, .. }
+            if options.constraint == Constraint::FixedPrincipalPoint && points.len() == 1 =>
+        {
+            Error::NotPositiveDefinite {
+                constraint,
+                eigenvalues,
+                remedy: "One attitude with a roll near 0 or 90 degrees does not tell fx from fy: roll the camera by 20 degrees or more, or \
+                         use `--constraint focal`"
+                    .into(),
+            }
+        }
         error => error,
     })
 }

@@ -22,8 +22,9 @@ pub enum Error {
     },
     /// Too few different point pairs for a homography.
     #[error(
-        "{found} different matches between {from} and {to} ({given} given): a homography needs 4, and 15 or more for an error bar \
-         that means something. Give more matches of points on the floor, spread over the image"
+        "{found} different {} between {from} and {to} ({given} given): a homography needs 4, and 15 or more for an error bar \
+         that means something. Give more matches of points on the floor, spread over the image",
+        if *found == 1 { "match" } else { "matches" }
     )]
     TooFewMatches {
         /// Name of the first image.
@@ -48,8 +49,9 @@ pub enum Error {
     },
     /// No pair of images shows a common plane.
     #[error(
-        "none of the {pairs} image pairs shows a common plane: the best supported one has {best} consistent matches, {needed} are needed. \
-         Check that the images belong together, overlap by half or more, and that the floor has visible texture and is in focus"
+        "{} a common plane: the best supported one has {best} consistent matches, {needed} are needed. \
+         Check that the images belong together, overlap by half or more, and that the floor has visible texture and is in focus",
+        if *pairs == 1 { "the image pair does not show".to_string() } else { format!("none of the {pairs} image pairs shows") }
     )]
     NoCommonPlane {
         /// Pairs tried.

@@ -1,4 +1,22 @@
-//! Calibrate a camera from the floor it looks at, with no calibration target.
+#![doc = include_str!("../../../README.md")]
+//!
+//! # The pipeline
+//!
+//! Data flows down this list; a module imports only from those above it and from the shared tools.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`image`], [`features`] | grey pixels; detection, description, matching |
+//! | [`correspondence`] | point pairs between two images |
+//! | [`homography`] | linear, robust, gold standard; information matrix |
+//! | [`circular_points`] | from a homography: angle, height ratio, horizon, covariance |
+//! | [`attitude_groups`], [`motions`] | motions of one attitude; which pairs are plane-normal motions |
+//! | [`absolute_conic`], [`camera`] | constraints, rank, weighted solution; camera matrix in pixels |
+//! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
+//! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
+//! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
+//! | [`synthetic`] | scenes with truth |
+
 pub mod absolute_conic;
 pub mod attitude;
 pub mod attitude_groups;

@@ -19,7 +19,7 @@ const TRIALS: u64 = 600;
 fn rmse_is_near_the_bound_and_the_intervals_hold() {
     let options = Options {
         constraint: Constraint::ZeroSkew,
-        attitude_sigma_deg: 0.0,
+        attitude_sigma_deg: Some(0.0),
         pairs: Some(vec![(0, 1), (2, 3), (4, 5)]),
         ..Options::default()
     };

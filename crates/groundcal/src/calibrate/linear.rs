@@ -129,7 +129,12 @@ impl Pipeline<'_> {
             return Ok(Chosen { motions, verdicts });
         }
         let consistency = ConsistencyOptions {
-            attitude_sigma_rad: self.options.attitude_sigma_deg.max(SEARCH_ATTITUDE_SIGMA_DEG).to_radians(),
+            attitude_sigma_rad: self
+                .options
+                .attitude_sigma_deg
+                .unwrap_or(0.0)
+                .max(SEARCH_ATTITUDE_SIGMA_DEG)
+                .to_radians(),
             k1_sigma: SEARCH_K1_SIGMA,
             direction_sigma: SEARCH_DIRECTION_SIGMA,
             principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * self.size.width as f64 / frame.scale_px,

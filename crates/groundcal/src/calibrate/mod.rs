@@ -37,8 +37,9 @@ pub struct Options {
     /// A known lens distortion; it is undone before anything else.
     pub distortion: Distortion,
     /// Standard deviation of each view's attitude about each axis across the floor's normal, in degrees: robots pitch and
-    /// floors are not flat. 0: exactly plane-normal, as in the paper.
-    pub attitude_sigma_deg: f64,
+    /// floors are not flat. 0: exactly plane-normal, as in the paper. `None`: 0.1, or 1.5 for a single motion before a
+    /// background that stands still (a thing moved before a fixed camera, by an arm or by hand).
+    pub attitude_sigma_deg: Option<f64>,
     /// Pairs of image indices known to be plane-normal motions; `None`: found.
     pub pairs: Option<Vec<(usize, usize)>>,
     /// Up to this many images all pairs are compared, beyond it neighbours.
@@ -62,7 +63,7 @@ impl Default for Options {
             principal_point_px: None,
             aspect: None,
             distortion: Distortion::default(),
-            attitude_sigma_deg: 0.1,
+            attitude_sigma_deg: None,
             pairs: None,
             all_pairs_limit: 40,
             min_plane_matches: None,
@@ -74,6 +75,10 @@ impl Default for Options {
     }
 }
 
+/// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it; and
+/// a thing moved before a fixed camera by an arm or by hand, when a single motion cannot show it.
+const ATTITUDE_SIGMA_DEG: f64 = 0.1;
+const HELD_ATTITUDE_SIGMA_DEG: f64 = 1.5;
 /// Prior of ln(fy / fx) under `auto`, and when the ratio is given.
 const ASPECT_SIGMA: f64 = 0.003;
 const GIVEN_ASPECT_SIGMA: f64 = 0.001;
@@ -98,8 +103,10 @@ impl Options {
         {
             return fail(format!("aspect ratio {a} must lie between 0.1 and 10"));
         }
-        if !(self.attitude_sigma_deg.is_finite() && (0.0..=20.0).contains(&self.attitude_sigma_deg)) {
-            return fail(format!("attitude sigma {} degrees must lie between 0 and 20", self.attitude_sigma_deg));
+        if let Some(sigma) = self.attitude_sigma_deg
+            && !(sigma.is_finite() && (0.0..=20.0).contains(&sigma))
+        {
+            return fail(format!("attitude sigma {sigma} degrees must lie between 0 and 20"));
         }
         let d = &self.distortion;
         if ![d.k1, d.k2, d.p1, d.p2].iter().all(|v| v.is_finite() && v.abs() <= 10.0) {
@@ -119,7 +126,7 @@ impl Options {
             aspect: self.aspect.unwrap_or(1.0),
             aspect_sigma: if self.aspect.is_some() { GIVEN_ASPECT_SIGMA } else { ASPECT_SIGMA },
             principal_point_sigma_px: fraction * size.width as f64,
-            attitude_sigma_rad: self.attitude_sigma_deg.to_radians(),
+            attitude_sigma_rad: self.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG).to_radians(),
         }
     }
 }

@@ -35,6 +35,16 @@ pub(super) enum RefusalKind {
     Uncertain,
 }
 
+impl PairResult {
+    /// Matches of a background that does not move, set aside.
+    pub(super) fn background(&self) -> usize {
+        self.outcome.as_ref().map_or(0, |(robust, _)| robust.static_background)
+    }
+}
+
+/// Width over length below which points count as lying on a line.
+const ON_A_LINE: f64 = 0.01;
+
 pub(super) struct PairResult {
     pub(super) candidates: usize,
     pub(super) outcome: Result<(RobustHomography, MotionGeometry), Refusal>,
@@ -113,7 +123,7 @@ impl Pipeline<'_> {
         robust.ransac.seed = self.options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
         match estimate_robust(&ideal, &self.frame(), &robust) {
             Err(error) => {
-                let on_a_line = spread_ratio(&ideal) < 0.01;
+                let on_a_line = spread_ratio(&ideal) < ON_A_LINE;
                 let reason = if on_a_line {
                     format!("the {candidates} matches lie on a line")
                 } else {
@@ -124,6 +134,22 @@ impl Pipeline<'_> {
                 PairResult {
                     candidates,
                     outcome: Err(Refusal { reason, rotation_deg: None, homography: None, error, kind }),
+                }
+            }
+            Ok(found) if spread_ratio(&found.inliers.iter().map(|&k| ideal[k]).collect::<Vec<_>>()) < ON_A_LINE => {
+                let reason = format!("the {} matches that agree lie on a line", found.inliers.len());
+                let spread_ratio = spread_ratio(&ideal);
+                let error = Some(Error::DegeneratePoints { count: found.inliers.len(), spread_ratio });
+                let kind = RefusalKind::NoPlane;
+                PairResult {
+                    candidates,
+                    outcome: Err(Refusal {
+                        reason,
+                        rotation_deg: None,
+                        homography: Some(Box::new(found)),
+                        error,
+                        kind,
+                    }),
                 }
             }
             Ok(found) if found.inliers.len() < self.min_matches => {

@@ -3,14 +3,14 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    Pipeline, Stage,
+    HELD_ATTITUDE_SIGMA_DEG, Pipeline, Stage,
     linear::Chosen,
     pairs::{Lens, PairResult},
 };
 use crate::{
     attitude::attitude_from_up,
     attitude_groups::Motion,
-    camera::{CameraSolution, solve_camera},
+    camera::{CameraOptions, CameraSolution, solve_camera},
     circular_points::CircularPoint,
     correspondence::ImagePair,
     distortion::Distortion,
@@ -48,16 +48,19 @@ impl Pipeline<'_> {
         let used = chosen.used();
         let used_motions: Vec<Motion> =
             chosen.motions.iter().filter(|(i, _)| used.contains(i)).map(|(_, m)| m.clone()).collect();
-        let solution = solve_camera(&used_motions, &self.frame(), &self.options.camera(self.size))?;
+        let mut camera = self.options.camera(self.size);
+        let before_a_background = used.iter().any(|&i| results[i].background() > 0);
+        if self.options.attitude_sigma_deg.is_none() && used.len() == 1 && before_a_background {
+            camera.attitude_sigma_rad = HELD_ATTITUDE_SIGMA_DEG.to_radians();
+        }
+        let solution = solve_camera(&used_motions, &self.frame(), &camera)?;
 
         for (pair, result) in pairs.iter().zip(&results) {
-            if let Ok((robust, _)) = &result.outcome
-                && robust.static_background > 0
-            {
+            if result.background() > 0 {
                 warnings.push(Warning::StaticBackground {
                     from: self.names[pair.from].clone(),
                     to: self.names[pair.to].clone(),
-                    matches: robust.static_background,
+                    matches: result.background(),
                 });
             }
         }
@@ -97,7 +100,7 @@ impl Pipeline<'_> {
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        Ok(self.assemble(&solution, lens, reports, motion_reports, &warnings))
+        Ok(self.assemble(&solution, &camera, lens, reports, motion_reports, &warnings))
     }
 
     fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
@@ -210,6 +213,7 @@ impl Pipeline<'_> {
     fn assemble(
         &self,
         s: &CameraSolution,
+        solution_options: &CameraOptions,
         lens: Option<Lens>,
         attitudes: Vec<AttitudeReport>,
         motions: Vec<MotionReport>,
@@ -261,7 +265,8 @@ impl Pipeline<'_> {
                     posterior_over_prior: p.posterior_over_prior,
                 })
                 .collect(),
-            attitude_sigma_deg: self.options.attitude_sigma_deg,
+            // Radians and back leave digits that nobody gave.
+            attitude_sigma_deg: (solution_options.attitude_sigma_rad.to_degrees() * 1e9).round() * 1e-9,
             fit: Fit {
                 chi_squared: s.chi_squared,
                 degrees_of_freedom: s.degrees_of_freedom,

@@ -1,0 +1,64 @@
+//! Degenerate matches: the message must name the true cause, not a neighbour of it.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+
+mod common;
+
+use std::fmt::Write;
+
+use common::*;
+use groundcal::synthetic::points::{MotionSpec, PointScene};
+use tempfile::tempdir;
+
+/// The message, in lower case, for a CSV that has to be refused as degenerate.
+fn message(csv: &str, constraint: &str) -> String {
+    let folder = tempdir().unwrap();
+    let csv = write(folder.path(), "matches.csv", csv);
+    refused(&[&csv, "--image-size", "1280x960", "--constraint", constraint], 3, &[]).stderr.to_lowercase()
+}
+
+#[test]
+fn points_on_a_line_are_called_so() {
+    for sigma_px in [0.0, 0.5] {
+        let mut scene = PointScene::nominal(1);
+        scene.motions = vec![MotionSpec::about_axis(50f64.to_radians(), 0.0, 20f64.to_radians(), 0.2, 3.0)];
+        let h = scene.homography(0).unwrap();
+        scene.matches = 400;
+        scene.sigma_px = sigma_px;
+        let mut csv = "image_a,image_b,xa,ya,xb,yb\n".to_string();
+        // Noise from the scene, places from a line.
+        for m in &scene.pairs()[0].pair.matches {
+            let exact = h.apply(&m.a).unwrap();
+            let noise = m.b - exact;
+            let on_line = nalgebra::Vector2::new(m.a.x, 300.0 + 0.2 * m.a.x);
+            let b = h.apply(&on_line).unwrap() + noise;
+            if (0.0..1280.0).contains(&b.x) && (0.0..960.0).contains(&b.y) {
+                let _ = writeln!(csv, "a,b,{},{},{},{}", on_line.x, on_line.y + 0.3 * noise.y, b.x, b.y);
+            }
+        }
+        let text = message(&csv, "focal");
+        assert!(text.contains("on a line"), "{text}");
+        assert!(!text.contains("translation"), "{text}");
+    }
+}
+
+#[test]
+fn a_half_turn_is_not_called_a_translation() {
+    let mut scene = PointScene::nominal(2);
+    scene.motions = vec![MotionSpec { shift: [5.0, 0.0], ..scene.motions[0] }];
+    scene.motions[0].turn_rad = std::f64::consts::PI;
+    let text = message(&matches_csv(&scene), "focal");
+    assert!(text.contains("180"), "{text}");
+    assert!(!text.contains("without a turn") && !text.contains("translation"), "{text}");
+}
+
+#[test]
+fn a_camera_square_to_the_floor_is_told_to_tilt() {
+    let mut scene = PointScene::nominal(3);
+    scene.motions = vec![MotionSpec::about_axis(90f64.to_radians(), 0.0, 25f64.to_radians(), 0.2, 3.0)];
+    for constraint in ["focal", "fixed-pp", "auto"] {
+        let text = message(&matches_csv(&scene), constraint);
+        assert!(text.contains("tilt the camera"), "{constraint}: {text}");
+        assert!(constraint != "focal" || !text.contains("--constraint focal"), "advice already taken: {text}");
+    }
+}
