@@ -205,7 +205,7 @@ pub struct CsvMatches {
     pub neighbours_only: bool,
 }
 
-/// Reads `matches.csv` (image_a,image_b,xa,ya,xb,yb[,sigma_px]) or `tracks.csv` (image,track,x,y[,sigma_px]), told apart by
+/// Reads `matches.csv` (`image_a,image_b,xa,ya,xb,yb[,sigma_px]`) or `tracks.csv` (`image,track,x,y[,sigma_px]`), told apart by
 /// the header.
 pub fn csv_matches(path: &Path, size: ImageSize, all_pairs_limit: usize) -> Result<CsvMatches, CliError> {
     let table = Table::read(path)?;
