@@ -23,7 +23,7 @@ pub(super) struct Refusal {
     pub(super) rotation_deg: Option<f64>,
     pub(super) homography: Option<Box<RobustHomography>>,
     /// The error itself, to be shown where there is one pair only.
-    pub(super) error: Option<Error>,
+    pub(super) error: Option<Box<Error>>,
     pub(super) kind: RefusalKind,
 }
 
@@ -129,7 +129,7 @@ impl Pipeline<'_> {
                 } else {
                     format!("no common plane: none of {candidates} matches agree on one")
                 };
-                let error = on_a_line.then_some(error);
+                let error = on_a_line.then_some(Box::new(error));
                 let kind = RefusalKind::NoPlane;
                 PairResult {
                     candidates,
@@ -139,7 +139,7 @@ impl Pipeline<'_> {
             Ok(found) if spread_ratio(&found.inliers.iter().map(|&k| ideal[k]).collect::<Vec<_>>()) < ON_A_LINE => {
                 let reason = format!("the {} matches that agree lie on a line", found.inliers.len());
                 let spread_ratio = spread_ratio(&ideal);
-                let error = Some(Error::DegeneratePoints { count: found.inliers.len(), spread_ratio });
+                let error = Some(Box::new(Error::DegeneratePoints { count: found.inliers.len(), spread_ratio }));
                 let kind = RefusalKind::NoPlane;
                 PairResult {
                     candidates,
@@ -235,7 +235,7 @@ impl Pipeline<'_> {
         let with_plane = results.len() - count(RefusalKind::NoPlane);
         if with_plane == 0 {
             if let ([_], Some(error)) = (results, refusals().find_map(|r| r.error.clone())) {
-                return error;
+                return *error;
             }
             let best = refusals().filter_map(|r| r.homography.as_ref()).map(|h| h.inliers.len()).max().unwrap_or(0);
             return Error::NoCommonPlane { pairs: results.len(), best, needed: self.min_matches };
