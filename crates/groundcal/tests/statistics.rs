@@ -15,6 +15,13 @@ use rayon::prelude::*;
 
 const TRIALS: u64 = 600;
 
+/// Errors and standard deviations of (fx, fy, cx, cy), and the bound of fx for constant and for free height.
+struct Trial {
+    error: [f64; 4],
+    sigma: [f64; 4],
+    bound: [f64; 2],
+}
+
 #[test]
 fn rmse_is_near_the_bound_and_the_intervals_hold() {
     let options = Options {
@@ -24,8 +31,7 @@ fn rmse_is_near_the_bound_and_the_intervals_hold() {
         ..Options::default()
     };
     let names: Vec<String> = (0..6).map(|i| i.to_string()).collect();
-    // Error and standard deviation of (fx, fy, cx, cy), and the bounds' standard deviation of fx.
-    let trials: Vec<([f64; 4], [f64; 4], [f64; 2])> = (0..TRIALS)
+    let trials: Vec<Trial> = (0..TRIALS)
         .into_par_iter()
         .map(|seed| {
             let scene = PointScene::nominal(seed);
@@ -40,23 +46,22 @@ fn rmse_is_near_the_bound_and_the_intervals_hold() {
             let c = calibrate_matches(&names, scene.size, &matches, &options, &Silent).expect("a camera");
             let (k, sd, t) = (&c.camera, &c.standard_deviation, &scene.intrinsics);
             let sds = [sd.fx, sd.fy, sd.cx, sd.cy].map(|s| s.expect("estimated"));
-            ([k.fx - t.fx, k.fy - t.fy, k.cx - t.cx, k.cy - t.cy], sds, bound)
+            Trial { error: [k.fx - t.fx, k.fy - t.fy, k.cx - t.cx, k.cy - t.cy], sigma: sds, bound }
         })
         .collect();
     let n = trials.len() as f64;
-    let mean_square =
-        |f: &dyn Fn(&([f64; 4], [f64; 4], [f64; 2])) -> f64| trials.iter().map(|t| f(t).powi(2)).sum::<f64>() / n;
-    let constant = (mean_square(&|t| t.0[0]) / mean_square(&|t| t.2[0])).sqrt();
-    let free = (mean_square(&|t| t.0[0]) / mean_square(&|t| t.2[1])).sqrt();
+    let mean_square = |f: &dyn Fn(&Trial) -> f64| trials.iter().map(|t| f(t).powi(2)).sum::<f64>() / n;
+    let constant = (mean_square(&|t| t.error[0]) / mean_square(&|t| t.bound[0])).sqrt();
+    let free = (mean_square(&|t| t.error[0]) / mean_square(&|t| t.bound[1])).sqrt();
     println!("RMSE of fx over the bound: {constant:.3} (constant height), {free:.3} (height free); {TRIALS} trials");
     println!(
         "RMSE of fx {:.3} px, bias {:.3} px",
-        mean_square(&|t| t.0[0]).sqrt(),
-        trials.iter().map(|t| t.0[0]).sum::<f64>() / n
+        mean_square(&|t| t.error[0]).sqrt(),
+        trials.iter().map(|t| t.error[0]).sum::<f64>() / n
     );
     assert!(constant <= 1.25, "{constant}");
     for (i, name) in ["fx", "fy", "cx", "cy"].iter().enumerate() {
-        let held = trials.iter().filter(|t| t.0[i].abs() <= 1.96 * t.1[i]).count() as f64 / n;
+        let held = trials.iter().filter(|t| t.error[i].abs() <= 1.96 * t.sigma[i]).count() as f64 / n;
         println!("95 % interval of {name} held {:.1} %", 100.0 * held);
         assert!((0.92..=0.98).contains(&held), "{name}: {held}");
     }
