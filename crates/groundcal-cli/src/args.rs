@@ -71,7 +71,7 @@ pub struct CalibrateArgs {
     pub k2: Option<f64>,
 
     /// How far the camera pitches and rolls by itself between views, standard deviation in degrees (0: not at all)
-    /// [default: 0.1; 1.5 for a single motion before a background that stands still]
+    /// [default: estimated from three attitudes on, else 0.1; 1.5 for a single motion before a background that stands still]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub attitude_sigma_deg: Option<f64>,
 

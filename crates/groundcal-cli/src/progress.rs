@@ -61,6 +61,7 @@ fn label(stage: Stage) -> &'static str {
         Stage::Features => "detecting features",
         Stage::Matching => "matching pairs",
         Stage::Homographies => "fitting planes",
+        Stage::Patches => "matching patches",
         Stage::Camera => "solving the camera",
     }
 }

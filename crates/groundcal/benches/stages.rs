@@ -84,6 +84,7 @@ fn run() {
             aspect_sigma: 0.003,
             principal_point_sigma_px: 64.0,
             attitude_sigma_rad: 0.0,
+            estimate_attitude_sigma: false,
         };
         let to_camera = || {
             let motions: Vec<Motion> = estimates

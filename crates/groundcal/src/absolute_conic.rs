@@ -286,6 +286,9 @@ pub struct ConicSolution {
     pub degrees_of_freedom: usize,
     /// Steps of the refinement.
     pub iterations: usize,
+    /// Logarithm of the determinants of the residuals' covariances and of the information matrix: with chi-squared, -2
+    /// times the restricted log likelihood of whatever the covariances depend on.
+    pub log_determinants: f64,
 }
 
 impl ConicSolution {
@@ -316,6 +319,11 @@ pub fn refine(points: &[WeightedPoint], start: &Parameters, free: [bool; 5], pri
         chi_squared: 2.0 * out.cost,
         degrees_of_freedom: (2 * points.len() + with_prior).saturating_sub(problem.free.len()),
         iterations: out.iterations,
+        log_determinants: points
+            .iter()
+            .filter_map(|point| Some(-correct(&out.state, point)?.information.determinant().ln()))
+            .sum::<f64>()
+            - inverse.determinant().ln(),
     })
 }
 

@@ -104,16 +104,29 @@ pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) ->
     (total + floor).try_inverse().map_or(f64::INFINITY, |i| (difference.transpose() * i * difference)[(0, 0)])
 }
 
+/// The groups again with another axis error; who belongs together stays.
+pub fn regroup(
+    groups: &[AttitudeGroup],
+    motions: &[Motion],
+    k: &Intrinsics,
+    attitude_sigma_rad: f64,
+) -> Vec<AttitudeGroup> {
+    let weighted = weighted_points(motions, k, attitude_sigma_rad);
+    groups.iter().map(|g| join(g.members.clone(), &weighted, motions)).collect()
+}
+
+fn weighted_points(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) -> Vec<WeightedPoint> {
+    let weighted = |m: &Motion| WeightedPoint {
+        point: m.geometry.circular_point.clone(),
+        covariance: m.geometry.circular_point.total_covariance(k, attitude_sigma_rad),
+    };
+    motions.iter().map(weighted).collect()
+}
+
 /// Joins motions that share an attitude, with axis errors of `attitude_sigma_rad` as seen by the camera `k` (frame units):
 /// those that share an image, since an image has one attitude, and those whose circular points agree.
 pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) -> Vec<AttitudeGroup> {
-    let weighted: Vec<WeightedPoint> = motions
-        .iter()
-        .map(|m| WeightedPoint {
-            point: m.geometry.circular_point.clone(),
-            covariance: m.geometry.circular_point.total_covariance(k, attitude_sigma_rad),
-        })
-        .collect();
+    let weighted = weighted_points(motions, k, attitude_sigma_rad);
     let mut groups: Vec<AttitudeGroup> =
         connected_by_images(motions).into_iter().map(|members| join(members, &weighted, motions)).collect();
     // From the best known to the worst, so that a vague group joins another instead of founding one.

@@ -10,7 +10,7 @@ use crate::{
         ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, parameters_of, refine,
         solve_linear,
     },
-    attitude_groups::{AttitudeGroup, Motion, group_attitudes},
+    attitude_groups::{AttitudeGroup, Motion, group_attitudes, regroup},
     error::Error,
     frame::Frame,
     intrinsics::Intrinsics,
@@ -32,6 +32,8 @@ pub struct CameraOptions {
     pub principal_point_sigma_px: f64,
     /// Standard deviation of each view's attitude about each axis across the floor's normal, in radians.
     pub attitude_sigma_rad: f64,
+    /// Whether that is only the scale of a prior, and the motions, where there are enough, tell it (variance component).
+    pub estimate_attitude_sigma: bool,
 }
 
 /// A camera matrix and how sure it is.
@@ -51,6 +53,10 @@ pub struct CameraSolution {
     pub chi_squared: f64,
     /// Its degrees of freedom.
     pub degrees_of_freedom: usize,
+    /// The standard deviation of the attitudes that the covariance was made with, in radians.
+    pub attitude_sigma_rad: f64,
+    /// Whether it was estimated from the motions.
+    pub attitude_sigma_estimated: bool,
     /// Factor on the covariance because the motions disagree by more than their noise (1: none).
     pub variance_inflation: f64,
 }
@@ -115,10 +121,58 @@ pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) 
         parameters = solution.parameters;
         last = Some((groups, solution));
     }
-    let Some((groups, solution)) = last else {
+    let Some((mut groups, mut solution)) = last else {
         return Err(Error::Numerical { stage: "camera", detail: "no round was run".into() });
     };
-    Ok(in_pixels(groups, solution, options, &priors, frame))
+    let mut sigma = options.attitude_sigma_rad;
+    let enough = groups.len() >= MIN_GROUPS_FOR_SIGMA && solution.degrees_of_freedom >= MIN_DOF_FOR_SIGMA;
+    let estimated = options.estimate_attitude_sigma && enough;
+    if estimated {
+        sigma = estimate_attitude_sigma(&groups, motions, &solution, options, &priors);
+        groups = regroup(&groups, motions, &intrinsics_of(&solution.parameters), sigma);
+        solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
+    }
+    let mut out = in_pixels(groups, solution, options, &priors, frame);
+    (out.attitude_sigma_rad, out.attitude_sigma_estimated) = (sigma, estimated);
+    Ok(out)
+}
+
+/// Attitudes and degrees of freedom from which on the motions can tell how far the axis strays.
+const MIN_GROUPS_FOR_SIGMA: usize = 3;
+const MIN_DOF_FOR_SIGMA: usize = 4;
+
+/// The standard deviation of the attitudes from the motions' disagreement: restricted likelihood of the conic's residuals
+/// times a half-Cauchy prior of the stated scale, on a logarithmic grid; the root of the mean of σ² over the posterior, so that
+/// few motions keep a wide bar.
+fn estimate_attitude_sigma(
+    groups: &[AttitudeGroup],
+    motions: &[Motion],
+    solution: &ConicSolution,
+    options: &CameraOptions,
+    priors: &Priors,
+) -> f64 {
+    const STEPS: i32 = 24;
+    let k = intrinsics_of(&solution.parameters);
+    let scale = options.attitude_sigma_rad;
+    let scored: Vec<(f64, f64)> = (-STEPS..=STEPS)
+        .filter_map(|i| {
+            // From a thirtieth of the scale to thirty times it.
+            let sigma = scale * 30f64.powf(f64::from(i) / f64::from(STEPS));
+            let points: Vec<WeightedPoint> = regroup(groups, motions, &k, sigma).into_iter().map(|g| g.fused).collect();
+            let s = refine(&points, &solution.parameters, options.constraint.free(), priors)?;
+            let prior = -(1.0 + (sigma / scale).powi(2)).ln() + sigma.ln();
+            Some((sigma, prior - 0.5 * (s.chi_squared + s.log_determinants)))
+        })
+        .filter(|(_, score)| score.is_finite())
+        .collect();
+    let best = scored.iter().map(|s| s.1).fold(f64::NEG_INFINITY, f64::max);
+    let (mut mass, mut moment) = (0.0, 0.0);
+    for (sigma, score) in &scored {
+        let weight = (score - best).exp();
+        mass += weight;
+        moment += weight * sigma * sigma;
+    }
+    if mass > 0.0 { (moment / mass).sqrt() } else { scale }
 }
 
 fn solve_groups(
@@ -322,6 +376,8 @@ fn in_pixels(
         groups,
         chi_squared: s.chi_squared,
         degrees_of_freedom: s.degrees_of_freedom,
+        attitude_sigma_rad: options.attitude_sigma_rad,
+        attitude_sigma_estimated: false,
         variance_inflation,
     }
 }

@@ -31,6 +31,7 @@ pub mod frame;
 pub mod homography;
 pub mod image;
 pub mod intrinsics;
+pub mod least_squares_matching;
 pub mod levenberg_marquardt;
 pub mod linalg;
 pub mod motions;

@@ -27,6 +27,8 @@ pub struct Calibration {
     /// Standard deviation of each view's attitude about the axes across the floor's normal that the error bars allow
     /// for, in degrees.
     pub attitude_sigma_deg: f64,
+    /// Whether the motions told it (otherwise it is the stated or default value).
+    pub attitude_sigma_estimated: bool,
     /// How well the motions agree on one camera.
     pub fit: Fit,
     /// Attitudes of the camera to the floor.

@@ -35,7 +35,14 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     two(
         w,
         ("Attitudes:", c.attitudes.len().to_string()),
-        ("Attitude sigma:", format!("{:.3} deg a view", c.attitude_sigma_deg)),
+        (
+            "Attitude sigma:",
+            format!(
+                "{:.3} deg a view{}",
+                c.attitude_sigma_deg,
+                if c.attitude_sigma_estimated { ", estimated" } else { "" }
+            ),
+        ),
     )?;
     let fit = &c.fit;
     let chi = if fit.degrees_of_freedom == 0 {

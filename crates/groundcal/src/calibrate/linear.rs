@@ -44,6 +44,18 @@ pub(super) struct Chosen {
 }
 
 impl Chosen {
+    /// The same choice with what the pairs say now, their homographies having been refined. What no longer shows a turn is
+    /// left out.
+    pub(super) fn refreshed(mut self, results: &[PairResult]) -> Self {
+        for ((pair, motion), verdict) in self.motions.iter_mut().zip(&mut self.verdicts) {
+            match &results[*pair].outcome {
+                Ok((_, geometry)) => motion.geometry = geometry.clone(),
+                Err(_) => *verdict = Verdict::Disagrees { sigmas: f64::INFINITY },
+            }
+        }
+        self
+    }
+
     /// Indices of the pairs that are used.
     pub(super) fn used(&self) -> Vec<usize> {
         let accepted = self.motions.iter().zip(&self.verdicts).filter(|(_, v)| **v == Verdict::Accepted);
@@ -77,7 +89,9 @@ impl Pipeline<'_> {
         let trusted = self.options.pairs.is_some();
         if self.options.distortion.is_none() {
             let results = self.homographies(&pairs, None);
-            return self.conclude(&pairs, results, trusted, warnings);
+            let chosen = self.select(&results, &pairs, trusted)?;
+            let (pairs, results) = self.sharpen(pairs, results, &chosen.used(), None);
+            return self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, None);
         }
         // The coefficients act on coordinates divided by the focal length, which is not known yet: start from a middling
         // one, then once more with the result; the fixed point is found on the inliers (see `settle`).
@@ -95,14 +109,15 @@ impl Pipeline<'_> {
             amplification = settled.amplification;
         }
         let results = self.homographies(&pairs, Some(&lens));
-        let used = self.select(&results, &pairs, trusted)?.used();
-        let settled = self.settle(&pairs, &results, &used, lens)?;
+        let chosen = self.select(&results, &pairs, trusted)?;
+        let (pairs, results) = self.sharpen(pairs, results, &chosen.used(), Some(&lens));
+        let settled = self.settle(&pairs, &results, &chosen.used(), lens)?;
         lens.intrinsics = settled.intrinsics;
         if settled.last_change > 1e-6 {
             warnings.push(Warning::DistortionNotConverged { relative_change: settled.last_change });
         }
         let results = self.refit_all(&pairs, results, &lens);
-        let mut out = self.conclude_with(&pairs, results, trusted, warnings, Some(lens))?;
+        let mut out = self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, Some(lens))?;
         super::report::amplify(&mut out, amplification.max(settled.amplification));
         Ok(out)
     }

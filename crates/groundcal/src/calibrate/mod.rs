@@ -6,6 +6,7 @@
 
 mod linear;
 mod pairs;
+mod patches;
 mod report;
 
 use rayon::prelude::*;
@@ -22,6 +23,7 @@ use crate::{
     frame::Frame,
     homography::{HomographyEstimate, RobustHomography, RobustOptions},
     image::{GrayImage, ImageSize},
+    least_squares_matching::PatchOptions,
     result::{Calibration, Warning},
 };
 
@@ -37,8 +39,9 @@ pub struct Options {
     /// A known lens distortion; it is undone before anything else.
     pub distortion: Distortion,
     /// Standard deviation of each view's attitude about each axis across the floor's normal, in degrees: robots pitch and
-    /// floors are not flat. 0: exactly plane-normal, as in the paper. `None`: 0.1, or 1.5 for a single motion before a
-    /// background that stands still (a thing moved before a fixed camera, by an arm or by hand).
+    /// floors are not flat. 0: exactly plane-normal, as in the paper. `None`: estimated where three attitudes or more allow
+    /// it, else 0.1, or 1.5 for a single motion before a background that stands still (a thing moved before a fixed camera,
+    /// by an arm or by hand).
     pub attitude_sigma_deg: Option<f64>,
     /// Pairs of image indices known to be plane-normal motions; `None`: found.
     pub pairs: Option<Vec<(usize, usize)>>,
@@ -52,6 +55,10 @@ pub struct Options {
     pub matching: MatchOptions,
     /// Robust homographies.
     pub robust: RobustOptions,
+    /// Whether the floor of the motions found is matched again patch by patch (images only).
+    pub match_patches: bool,
+    /// Least squares matching of those patches.
+    pub patches: PatchOptions,
     /// Seed of every random choice.
     pub seed: u64,
 }
@@ -70,6 +77,8 @@ impl Default for Options {
             features: FeatureOptions::default(),
             matching: MatchOptions::default(),
             robust: RobustOptions::default(),
+            match_patches: true,
+            patches: PatchOptions::default(),
             seed: 0,
         }
     }
@@ -127,6 +136,7 @@ impl Options {
             aspect_sigma: if self.aspect.is_some() { GIVEN_ASPECT_SIGMA } else { ASPECT_SIGMA },
             principal_point_sigma_px: fraction * size.width as f64,
             attitude_sigma_rad: self.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG).to_radians(),
+            estimate_attitude_sigma: self.attitude_sigma_deg.is_none(),
         }
     }
 }
@@ -140,6 +150,8 @@ pub enum Stage {
     Matching,
     /// Homography of each pair.
     Homographies,
+    /// Least squares matching of the floor of each motion.
+    Patches,
     /// Consistent motions and camera.
     Camera,
 }
@@ -216,7 +228,7 @@ pub fn calibrate_images(
         })
         .collect();
     let min = options.min_plane_matches.unwrap_or(15);
-    Pipeline { names, size, options, observer, min_matches: min }.run(&matched, warnings)
+    Pipeline { names, size, options, observer, images: Some(images), min_matches: min }.run(&matched, warnings)
 }
 
 fn candidate_pairs(images: usize, options: &Options) -> Result<Vec<(usize, usize)>, Error> {
@@ -285,7 +297,7 @@ pub fn calibrate_matches(
         return Err(Error::InvalidInput("no matches at all".into()));
     }
     let min = options.min_plane_matches.unwrap_or(6);
-    Pipeline { names, size, options, observer, min_matches: min }.run(&chosen, Vec::new())
+    Pipeline { names, size, options, observer, images: None, min_matches: min }.run(&chosen, Vec::new())
 }
 
 /// Calibrates from homographies (pixels of `from` to pixels of `to`) with covariance, all of them plane-normal motions.
@@ -321,8 +333,9 @@ pub fn calibrate_homographies(
         })
         .collect();
     let (pairs, results): (Vec<_>, Vec<_>) = results.into_iter().unzip();
-    let pipeline = Pipeline { names, size, options, observer: &Silent, min_matches: 0 };
-    pipeline.conclude(&pairs, results, true, Vec::new())
+    let pipeline = Pipeline { names, size, options, observer: &Silent, images: None, min_matches: 0 };
+    let chosen = pipeline.select(&results, &pairs, true)?;
+    pipeline.conclude(&pairs, &results, chosen, Vec::new(), None)
 }
 
 /// The camera from circular points alone, given in pixels (any non-zero multiple) with the standard deviation of each
@@ -360,6 +373,7 @@ struct Pipeline<'a> {
     size: ImageSize,
     options: &'a Options,
     observer: &'a dyn Observer,
+    images: Option<&'a [GrayImage]>,
     min_matches: usize,
 }
 

@@ -10,7 +10,7 @@ use crate::{
     distortion::Distortion,
     error::Error,
     homography::{
-        HomographyEstimate, RobustHomography, estimate_robust,
+        HomographyEstimate, RobustHomography, RobustOptions, estimate_robust,
         refine::{RefineOptions, refine, spread_ratio},
     },
     intrinsics::Intrinsics,
@@ -84,9 +84,20 @@ pub(super) struct Lens {
 }
 
 impl Lens {
+    /// The pixel an ideal lens would have given.
+    pub(super) fn ideal_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+        self.distortion.undistort_pixel(&self.intrinsics, p)
+    }
+
+    /// The pixel this lens gives for one of an ideal lens.
+    pub(super) fn real(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let distorted = self.distortion.distort(&self.intrinsics.normalised_from_pixel(p));
+        Some(self.intrinsics.pixel_from_normalised(&distorted)).filter(|q| q.x.is_finite() && q.y.is_finite())
+    }
+
+    /// A match as an ideal lens would have given it.
     pub(super) fn ideal(&self, m: &PointMatch) -> Option<PointMatch> {
-        let undo = |p: &Vector2<f64>| self.distortion.undistort_pixel(&self.intrinsics, p);
-        Some(PointMatch { a: undo(&m.a)?, b: undo(&m.b)?, ..*m })
+        Some(PointMatch { a: self.ideal_point(&m.a)?, b: self.ideal_point(&m.b)?, ..*m })
     }
 }
 
@@ -104,6 +115,15 @@ impl Pipeline<'_> {
     }
 
     fn homography(&self, pair: &ImagePair, lens: Option<&Lens>) -> PairResult {
+        self.homography_with(pair, lens, self.options.robust)
+    }
+
+    pub(super) fn homography_with(
+        &self,
+        pair: &ImagePair,
+        lens: Option<&Lens>,
+        mut robust: RobustOptions,
+    ) -> PairResult {
         let candidates = pair.matches.len();
         let refuse = |reason: String, kind, homography| PairResult {
             candidates,
@@ -118,7 +138,6 @@ impl Pipeline<'_> {
             None => pair.matches.clone(),
             Some(lens) => pair.matches.iter().map(|m| lens.ideal(m).unwrap_or(*m)).collect(),
         };
-        let mut robust = self.options.robust;
         robust.min_inliers = self.min_matches.max(6);
         robust.ransac.seed = self.options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
         match estimate_robust(&ideal, &self.frame(), &robust) {

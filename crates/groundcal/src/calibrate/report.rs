@@ -10,7 +10,7 @@ use super::{
 use crate::{
     attitude::attitude_from_up,
     attitude_groups::Motion,
-    camera::{CameraOptions, CameraSolution, solve_camera},
+    camera::{CameraSolution, solve_camera},
     circular_points::CircularPoint,
     correspondence::ImagePair,
     distortion::Distortion,
@@ -25,26 +25,16 @@ use crate::{
 };
 
 impl Pipeline<'_> {
+    /// The camera of the chosen motions, with everything that is reported beside it.
     pub(super) fn conclude(
         &self,
         pairs: &[ImagePair],
-        results: Vec<PairResult>,
-        trusted: bool,
-        warnings: Vec<Warning>,
-    ) -> Result<Calibration, Error> {
-        self.conclude_with(pairs, results, trusted, warnings, None)
-    }
-
-    pub(super) fn conclude_with(
-        &self,
-        pairs: &[ImagePair],
-        results: Vec<PairResult>,
-        trusted: bool,
+        results: &[PairResult],
+        chosen: Chosen,
         mut warnings: Vec<Warning>,
         lens: Option<Lens>,
     ) -> Result<Calibration, Error> {
         self.observer.begin(Stage::Camera, 1);
-        let chosen = self.select(&results, pairs, trusted)?;
         let used = chosen.used();
         let used_motions: Vec<Motion> =
             chosen.motions.iter().filter(|(i, _)| used.contains(i)).map(|(_, m)| m.clone()).collect();
@@ -55,7 +45,7 @@ impl Pipeline<'_> {
         }
         let solution = solve_camera(&used_motions, &self.frame(), &camera)?;
 
-        for (pair, result) in pairs.iter().zip(&results) {
+        for (pair, result) in pairs.iter().zip(results) {
             if result.background() > 0 {
                 warnings.push(Warning::StaticBackground {
                     from: self.names[pair.from].clone(),
@@ -69,7 +59,7 @@ impl Pipeline<'_> {
             // An unmodelled k1 of the true lens shows as the change that undoing it would make, the other way round.
             let f_if = |k1: f64| {
                 let lens = Lens { distortion: Distortion::radial(k1, 0.0), intrinsics: solution.intrinsics };
-                self.refit_camera(pairs, &results, &used, &lens)
+                self.refit_camera(pairs, results, &used, &lens)
                     .map(|s| 100.0 * (solution.intrinsics.fx / s.intrinsics.fx - 1.0))
             };
             warnings.push(Warning::DistortionNotModelled {
@@ -87,7 +77,7 @@ impl Pipeline<'_> {
             attitudes.push(Attitude::of(&group.fused.point, &solution.intrinsics, &self.frame(), seen));
         }
         self.add_warnings(&mut warnings, &solution, &attitudes, used.len());
-        let motion_reports = self.motion_reports(pairs, &results, &chosen, &solution, &attitudes);
+        let motion_reports = self.motion_reports(pairs, results, &chosen, &solution, &attitudes);
         let reports = solution
             .groups
             .iter()
@@ -100,7 +90,7 @@ impl Pipeline<'_> {
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        Ok(self.assemble(&solution, &camera, lens, reports, motion_reports, &warnings))
+        Ok(self.assemble(&solution, lens, reports, motion_reports, &warnings))
     }
 
     fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
@@ -213,7 +203,6 @@ impl Pipeline<'_> {
     fn assemble(
         &self,
         s: &CameraSolution,
-        solution_options: &CameraOptions,
         lens: Option<Lens>,
         attitudes: Vec<AttitudeReport>,
         motions: Vec<MotionReport>,
@@ -266,7 +255,8 @@ impl Pipeline<'_> {
                 })
                 .collect(),
             // Radians and back leave digits that nobody gave.
-            attitude_sigma_deg: (solution_options.attitude_sigma_rad.to_degrees() * 1e9).round() * 1e-9,
+            attitude_sigma_estimated: s.attitude_sigma_estimated,
+            attitude_sigma_deg: (s.attitude_sigma_rad.to_degrees() * 1e9).round() / 1e9,
             fit: Fit {
                 chi_squared: s.chi_squared,
                 degrees_of_freedom: s.degrees_of_freedom,

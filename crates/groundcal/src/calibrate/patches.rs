@@ -1,0 +1,90 @@
+//! The motions' floor matched again patch by patch (see [`crate::least_squares_matching`]).
+
+use nalgebra::Vector2;
+use rayon::prelude::*;
+
+use super::{
+    Pipeline, Stage,
+    pairs::{Lens, PairResult},
+};
+use crate::{
+    correspondence::{ImagePair, PointMatch},
+    least_squares_matching::{SplineImage, match_patches},
+};
+
+/// Fewest patches that replace feature matches.
+const MIN_PATCHES: usize = 30;
+/// Largest noise of a patch match in units of its predicted deviation.
+const MAX_PATCH_NOISE: f64 = 6.0;
+
+impl Pipeline<'_> {
+    /// Replaces the matches of the pairs `used` by patches matched by least squares and fits the homographies to them. A
+    /// pair whose floor has too little texture, or whose patches contradict its features, keeps what it had.
+    pub(super) fn sharpen(
+        &self,
+        mut pairs: Vec<ImagePair>,
+        mut results: Vec<PairResult>,
+        used: &[usize],
+        lens: Option<&Lens>,
+    ) -> (Vec<ImagePair>, Vec<PairResult>) {
+        let Some(images) = self.images else { return (pairs, results) };
+        if !self.options.match_patches {
+            return (pairs, results);
+        }
+        self.observer.begin(Stage::Patches, used.len());
+        let needed: std::collections::BTreeSet<usize> =
+            used.iter().flat_map(|&i| [pairs[i].from, pairs[i].to]).collect();
+        let splines: std::collections::BTreeMap<usize, SplineImage> =
+            needed.into_par_iter().map(|i| (i, SplineImage::new(&images[i]))).collect();
+        let better: Vec<(usize, ImagePair, PairResult)> = used
+            .par_iter()
+            .filter_map(|&i| {
+                let found = self.sharpened(&pairs[i], &results[i], images, &splines, lens);
+                self.observer.advance(Stage::Patches);
+                found.map(|(pair, result)| (i, pair, result))
+            })
+            .collect();
+        for (i, pair, result) in better {
+            pairs[i] = pair;
+            results[i] = result;
+        }
+        (pairs, results)
+    }
+
+    fn sharpened(
+        &self,
+        pair: &ImagePair,
+        result: &PairResult,
+        images: &[crate::image::GrayImage],
+        splines: &std::collections::BTreeMap<usize, SplineImage>,
+        lens: Option<&Lens>,
+    ) -> Option<(ImagePair, PairResult)> {
+        let (robust, geometry) = result.outcome.as_ref().ok()?;
+        let h = robust.estimate.h_b_from_a;
+        let map = |p: &Vector2<f64>| match lens {
+            None => h.apply(p),
+            Some(lens) => lens.real(&h.apply(&lens.ideal_point(p)?)?),
+        };
+        let options = &self.options.patches;
+        let patches = match_patches(&splines[&pair.from], &images[pair.from], &splines[&pair.to], &map, options);
+        let matches: Vec<PointMatch> = patches.iter().map(|m| m.to_point_match(options.model_sigma_px)).collect();
+        if matches.len() < MIN_PATCHES {
+            return None;
+        }
+        let sharp = ImagePair { matches, ..pair.clone() };
+        let mut robust_options = self.options.robust;
+        // Patch matches carry their own deviation: noise is in units of it.
+        robust_options.max_sigma_px = MAX_PATCH_NOISE;
+        robust_options.static_px = 0.0;
+        let mut next = self.homography_with(&sharp, lens, robust_options);
+        let (found, sharp_geometry) = next.outcome.as_mut().ok()?;
+        // The patches were sought where the features said: they may refine that, not turn it into something else.
+        let turned = (sharp_geometry.rotation_rad - geometry.rotation_rad).abs();
+        if found.inliers.len() < MIN_PATCHES || turned > 0.1 {
+            return None;
+        }
+        found.static_background = robust.static_background;
+        next.candidates = result.candidates;
+        Some((sharp, next))
+    }
+}
