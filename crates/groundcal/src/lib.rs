@@ -32,6 +32,7 @@ pub mod homography;
 pub mod image;
 pub mod intrinsics;
 pub mod least_squares_matching;
+pub mod lens_estimate;
 pub mod levenberg_marquardt;
 pub mod linalg;
 pub mod motions;

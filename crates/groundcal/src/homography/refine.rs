@@ -106,6 +106,29 @@ fn eliminate(h: &Matrix3<f64>, m: &PointMatch) -> Option<Eliminated> {
     result
 }
 
+/// The residual of one match linearised in the homography's entries and in both points, its true point eliminated.
+pub(crate) struct Linearised {
+    /// Innovation b - H x̂ - F (a - x̂).
+    pub(crate) innovation: Vector2<f64>,
+    /// Its inverse covariance for unit noise in all four coordinates, (I + F Fᵀ)⁻¹.
+    pub(crate) weight: Matrix2<f64>,
+    /// F: what a step of a does to its image.
+    pub(crate) slope: Matrix2<f64>,
+    /// What a step of the nine entries, row by row, does to the image.
+    pub(crate) by_entries: SMatrix<f64, 2, 9>,
+}
+
+/// See [`Linearised`]; frame coordinates. `None` for a point beyond infinity.
+pub(crate) fn linearise(h: &Matrix3<f64>, m: &PointMatch) -> Option<Linearised> {
+    let e = eliminate(h, m)?;
+    Some(Linearised {
+        innovation: e.innovation,
+        weight: e.weight,
+        slope: e.projection * h.fixed_view::<3, 2>(0, 0),
+        by_entries: SMatrix::<f64, 2, 9>::from_fn(|r, c| e.projection[(r, c / 3)] * e.point[c % 3]),
+    })
+}
+
 /// Squared Sampson distance (both images), the first-order value of the gold standard's error; frame units of the
 /// arguments. Infinite for a point that goes beyond infinity.
 #[inline]
