@@ -62,7 +62,11 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub aspect: Option<f64>,
 
-    /// Known radial distortion of the lens (Brown-Conrady, as OpenCV); it is undone before anything else
+    /// Lens distortion: estimated, or taken to be none (the error bars then do not cover it)
+    #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
+    pub distortion: DistortionArg,
+
+    /// Known radial distortion of the lens (Brown-Conrady, as OpenCV); it is undone before anything else, none is estimated
     #[arg(long, value_name = "K1", allow_hyphen_values = true)]
     pub k1: Option<f64>,
 
@@ -115,6 +119,15 @@ pub struct RenderArgs {
     /// Folder for the images and truth.json (made if need be)
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+/// What to do about lens distortion.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum DistortionArg {
+    /// k1 and k2 are estimated, and kept where they differ from zero
+    Auto,
+    /// The lens has none
+    None,
 }
 
 /// [`Constraint`] on the command line.

@@ -13,7 +13,7 @@ use std::{
     process::ExitCode,
 };
 
-use args::{CalibrateArgs, Cli, Command};
+use args::{CalibrateArgs, Cli, Command, DistortionArg};
 use clap::Parser;
 use error::CliError;
 use groundcal::{
@@ -114,6 +114,7 @@ fn options(args: &CalibrateArgs) -> Options {
         constraint: args.constraint.into(),
         principal_point_px: args.principal_point,
         aspect: args.aspect,
+        estimate_distortion: args.distortion == DistortionArg::Auto,
         distortion: Distortion::radial(args.k1.unwrap_or(0.0), args.k2.unwrap_or(0.0)),
         attitude_sigma_deg: args.attitude_sigma_deg,
         seed: args.seed,

@@ -10,7 +10,7 @@
 //! The coefficients act through a fixed reference focal length: k1 / f² is what the residuals see, whatever f is. A match's
 //! deviation is scaled by the lens's local magnification, so that noise stays what it was in the image.
 
-use nalgebra::{Matrix2, Matrix2x4, Matrix4, SMatrix, SVector, Vector2, Vector4};
+use nalgebra::{Matrix2x4, Matrix4, SMatrix, SVector, Vector2, Vector4};
 use rayon::prelude::*;
 
 use crate::{
@@ -95,7 +95,7 @@ impl LensPrior {
 /// The estimated lens.
 #[derive(Debug, Clone)]
 pub struct LensEstimate {
-    /// k1 and k2 through the reference focal length; the centre stays where it was given.
+    /// k1 and k2 through the reference focal length, and the centre.
     pub lens: Lens,
     /// Covariance of (k1, k2, x0, y0), the centre in focal lengths.
     pub covariance: Matrix4<f64>,
@@ -106,8 +106,8 @@ const ROUNDS: usize = 8;
 /// Matches of a motion that take part: more do not help where systematic errors rule.
 const ENOUGH: usize = 1500;
 
-/// Estimates k1 and k2 from the inliers of motions (pixels, distorted), starting at `start`; the centre of distortion is held
-/// there but its uncertainty counts. `None` when nothing is determined or the lens folds over.
+/// Estimates the lens from the inliers of motions (pixels, distorted), starting at `start`, about whose centre the prior of the
+/// centre of distortion lies. `None` when nothing is determined or the lens folds over.
 pub fn estimate_lens(
     motions: &[&[PointMatch]],
     frame: &Frame,
@@ -125,14 +125,16 @@ pub fn estimate_lens(
             gradient += g;
             normal += a;
         }
-        let offset = Vector4::new(lens.distortion.k1, lens.distortion.k2, 0.0, 0.0);
+        let from_start = (lens.intrinsics.cx - start.intrinsics.cx, lens.intrinsics.cy - start.intrinsics.cy);
+        let offset = Vector4::new(
+            lens.distortion.k1,
+            lens.distortion.k2,
+            from_start.0 / start.intrinsics.fx,
+            from_start.1 / start.intrinsics.fy,
+        );
         covariance = (normal + Matrix4::from_diagonal(&information)).try_inverse()?;
-        // The centre is held: its rows take no part in the step.
-        let held =
-            normal.fixed_view::<2, 2>(0, 0) + Matrix2::from_diagonal(&information.fixed_rows::<2>(0).into_owned());
-        let pull = gradient + information.component_mul(&offset);
-        let step = -(held.try_inverse()? * pull.fixed_rows::<2>(0));
-        lens = lens.moved(&Vector4::new(step[0].clamp(-0.3, 0.3), step[1].clamp(-0.5, 0.5), 0.0, 0.0));
+        let step = -(covariance * (gradient + information.component_mul(&offset)));
+        lens = lens.moved(&step.zip_map(&Vector4::new(0.3, 0.5, 0.05, 0.05), |s, most| s.clamp(-most, most)));
         if !(lens.distortion.k1.abs() < 3.0 && lens.distortion.k2.abs() < 5.0) {
             return None;
         }

@@ -63,6 +63,8 @@ pub struct Camera {
 pub struct DistortionReport {
     /// `none`, or `radtan` (Brown-Conrady, as OpenCV).
     pub model: &'static str,
+    /// `not modelled`, `given` or `estimated` (the model is then `none` where the coefficients are not told from zero).
+    pub source: &'static str,
     /// Radial, second order.
     pub k1: f64,
     /// Radial, fourth order.
@@ -184,6 +186,13 @@ pub enum Warning {
         /// Change of fx in percent if the lens has k1 = -0.05.
         barrel_percent: f64,
     },
+    /// The lens distortion is estimated, but so badly that it rules the error bar of the focal length.
+    DistortionUncertain {
+        /// Standard deviation of fx that comes from the lens, in percent.
+        percent: f64,
+        /// Standard deviation of k1.
+        k1_sigma: f64,
+    },
     /// One motion only: nothing to check it by.
     SingleMotion,
     /// All motions have one attitude.
@@ -255,6 +264,14 @@ impl Warning {
                     "lens distortion was not modelled and the error bars do not cover it: k1 = -0.05 (slight barrel) unmodelled would \
                      move fx by {barrel_percent:+.1} %, k1 = +0.05 by {barrel_minus_percent:+.1} % for these motions. If lines bend near the \
                      border, give the lens's k1 with --k1 (and --k2)"
+                ),
+            ),
+            Warning::DistortionUncertain { percent, k1_sigma } => (
+                "distortion_uncertain",
+                format!(
+                    "the lens distortion is known to k1 +- {k1_sigma:.4} only, which makes {percent:.1} % of uncertainty in fx. Give the \
+                     lens's k1 with --k1 if you know it (or --distortion none for a lens known to have none), or take more images with \
+                     floor out to the corners"
                 ),
             ),
             Warning::SingleMotion => (

@@ -28,6 +28,7 @@ fn rmse_is_near_the_bound_and_the_intervals_hold() {
         constraint: Constraint::ZeroSkew,
         attitude_sigma_deg: Some(0.0),
         pairs: Some(vec![(0, 1), (2, 3), (4, 5)]),
+        estimate_distortion: false,
         ..Options::default()
     };
     let names: Vec<String> = (0..6).map(|i| i.to_string()).collect();

@@ -73,6 +73,12 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
             None => writeln!(w, "{name:<12}{:>12.3}{:>14}", value + 0.0, "held")?,
         }
     }
+    for (name, value, sigma) in [("k1", c.camera.distortion.k1, s.k1), ("k2", c.camera.distortion.k2, s.k2)] {
+        if let Some(sigma) = sigma {
+            let (low, high) = (value - 1.96 * sigma, value + 1.96 * sigma);
+            writeln!(w, "{name:<12}{value:>12.5}{sigma:>14.5}{low:>15.5}{high:>13.5}")?;
+        }
+    }
     writeln!(w, "{single}")?;
     for p in &c.priors {
         let unit = if p.parameter == "aspect" { "" } else { " px" };
@@ -126,7 +132,11 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
 
 fn distortion(c: &Calibration) -> String {
     let d = &c.camera.distortion;
-    if d.model == "none" { "not modelled".into() } else { format!("given: k1 {}, k2 {}", d.k1, d.k2) }
+    match (d.source, d.model) {
+        ("given", _) => format!("given: k1 {}, k2 {}", d.k1, d.k2),
+        ("estimated", "none") => "estimated: none found".into(),
+        (source, _) => source.into(),
+    }
 }
 
 fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize) -> String {

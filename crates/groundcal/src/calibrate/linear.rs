@@ -2,17 +2,15 @@
 
 use rayon::prelude::*;
 
-use super::{
-    Pipeline,
-    pairs::{Lens, PairResult},
-};
+use super::{Pipeline, pairs::PairResult, report::KnownLens};
 use crate::{
     attitude_groups::{Motion, Sides},
-    camera::{CameraSolution, solve_camera},
+    camera::{CameraOptions, CameraSolution, solve_camera},
     circular_points::from_homography,
     correspondence::{ImagePair, validated},
     error::Error,
     intrinsics::Intrinsics,
+    lens_estimate::Lens,
     motions::{ConsistencyOptions, Verdict, find_consistent},
     result::{Calibration, Warning},
 };
@@ -88,10 +86,13 @@ impl Pipeline<'_> {
         }
         let trusted = self.options.pairs.is_some();
         if self.options.distortion.is_none() {
+            if self.options.estimate_distortion {
+                return self.run_unknown_lens(pairs, trusted, warnings);
+            }
             let results = self.homographies(&pairs, None);
             let chosen = self.select(&results, &pairs, trusted)?;
             let (pairs, results) = self.sharpen(pairs, results, &chosen.used(), None);
-            return self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, None);
+            return self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, &KnownLens::NotModelled);
         }
         // The coefficients act on coordinates divided by the focal length, which is not known yet: start from a middling
         // one, then once more with the result; the fixed point is found on the inliers (see `settle`).
@@ -117,7 +118,7 @@ impl Pipeline<'_> {
             warnings.push(Warning::DistortionNotConverged { relative_change: settled.last_change });
         }
         let results = self.refit_all(&pairs, results, &lens);
-        let mut out = self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, Some(lens))?;
+        let mut out = self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, &KnownLens::Given(lens))?;
         super::report::amplify(&mut out, amplification.max(settled.amplification));
         Ok(out)
     }
@@ -186,6 +187,7 @@ impl Pipeline<'_> {
         results: &[PairResult],
         used: &[usize],
         lens: &Lens,
+        options: &CameraOptions,
     ) -> Result<CameraSolution, Error> {
         let motions: Vec<Motion> = used
             .par_iter()
@@ -196,7 +198,7 @@ impl Pipeline<'_> {
                 Some(Motion { from: pairs[i].from, to: pairs[i].to, geometry, sides: Sides::One })
             })
             .collect();
-        solve_camera(&motions, &self.frame(), &self.options.camera(self.size))
+        solve_camera(&motions, &self.frame(), options)
     }
 
     /// The camera that, used to undo the given distortion, comes out again: Steffensen's iteration on ln f.
@@ -207,12 +209,13 @@ impl Pipeline<'_> {
         used: &[usize],
         start: Lens,
     ) -> Result<Settled, Error> {
+        let options = self.options.camera(self.size);
         let mut lens = start;
         let mut slope: f64 = 0.0;
         let mut last: Option<(f64, f64)> = None;
         let mut last_change = f64::INFINITY;
         for _ in 0..25 {
-            let solved = self.refit_camera(pairs, results, used, &lens)?.intrinsics;
+            let solved = self.refit_camera(pairs, results, used, &lens, &options)?.intrinsics;
             let (input, output) = (lens.intrinsics.fx.ln(), solved.fx.ln());
             if let Some((last_input, last_output)) = last
                 && (input - last_input).abs() > 1e-7

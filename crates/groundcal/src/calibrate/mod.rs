@@ -8,6 +8,7 @@ mod linear;
 mod pairs;
 mod patches;
 mod report;
+mod unknown_lens;
 
 use rayon::prelude::*;
 
@@ -38,6 +39,9 @@ pub struct Options {
     pub aspect: Option<f64>,
     /// A known lens distortion; it is undone before anything else.
     pub distortion: Distortion,
+    /// Whether an unknown lens distortion (k1, k2) is estimated where none is given. Otherwise the lens is taken to have
+    /// none, and the error bars do not cover it.
+    pub estimate_distortion: bool,
     /// Standard deviation of each view's attitude about each axis across the floor's normal, in degrees: robots pitch and
     /// floors are not flat. 0: exactly plane-normal, as in the paper. `None`: estimated where three attitudes or more allow
     /// it, else 0.1, or 1.5 for a single motion before a background that stands still (a thing moved before a fixed camera,
@@ -70,6 +74,7 @@ impl Default for Options {
             principal_point_px: None,
             aspect: None,
             distortion: Distortion::default(),
+            estimate_distortion: true,
             attitude_sigma_deg: None,
             pairs: None,
             all_pairs_limit: 40,
@@ -323,6 +328,7 @@ pub fn calibrate_homographies(
                 inliers: Vec::new(),
                 trials: 0,
                 static_background: 0,
+                patches: false,
                 is_static: false,
             };
             let outcome = pairs::geometry_of(robust);
@@ -335,7 +341,7 @@ pub fn calibrate_homographies(
     let (pairs, results): (Vec<_>, Vec<_>) = results.into_iter().unzip();
     let pipeline = Pipeline { names, size, options, observer: &Silent, images: None, min_matches: 0 };
     let chosen = pipeline.select(&results, &pairs, true)?;
-    pipeline.conclude(&pairs, &results, chosen, Vec::new(), None)
+    pipeline.conclude(&pairs, &results, chosen, Vec::new(), &report::KnownLens::NotModelled)
 }
 
 /// The camera from circular points alone, given in pixels (any non-zero multiple) with the standard deviation of each

@@ -1,6 +1,6 @@
 //! From matches to what each pair of images says: homography, circular point, or the reason why not.
 
-use nalgebra::{Vector2, Vector4};
+use nalgebra::Vector4;
 use rayon::prelude::*;
 
 use super::{Pipeline, Stage};
@@ -14,6 +14,7 @@ use crate::{
         refine::{RefineOptions, refine, spread_ratio},
     },
     intrinsics::Intrinsics,
+    lens_estimate::Lens,
     linalg::complex_pair_eigen,
 };
 
@@ -41,6 +42,9 @@ impl PairResult {
         self.outcome.as_ref().map_or(0, |(robust, _)| robust.static_background)
     }
 }
+
+/// Largest noise of a patch match in units of its predicted deviation.
+const MAX_PATCH_NOISE: f64 = 6.0;
 
 /// Width over length below which points count as lying on a line.
 const ON_A_LINE: f64 = 0.01;
@@ -76,31 +80,6 @@ pub(super) fn geometry_of(robust: RobustHomography) -> Result<(RobustHomography,
     }
 }
 
-/// A lens with the camera matrix through which its coefficients act.
-#[derive(Clone, Copy)]
-pub(super) struct Lens {
-    pub(super) distortion: Distortion,
-    pub(super) intrinsics: Intrinsics,
-}
-
-impl Lens {
-    /// The pixel an ideal lens would have given.
-    pub(super) fn ideal_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
-        self.distortion.undistort_pixel(&self.intrinsics, p)
-    }
-
-    /// The pixel this lens gives for one of an ideal lens.
-    pub(super) fn real(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let distorted = self.distortion.distort(&self.intrinsics.normalised_from_pixel(p));
-        Some(self.intrinsics.pixel_from_normalised(&distorted)).filter(|q| q.x.is_finite() && q.y.is_finite())
-    }
-
-    /// A match as an ideal lens would have given it.
-    pub(super) fn ideal(&self, m: &PointMatch) -> Option<PointMatch> {
-        Some(PointMatch { a: self.ideal_point(&m.a)?, b: self.ideal_point(&m.b)?, ..*m })
-    }
-}
-
 impl Pipeline<'_> {
     pub(super) fn homographies(&self, pairs: &[ImagePair], lens: Option<&Lens>) -> Vec<PairResult> {
         self.observer.begin(Stage::Homographies, pairs.len());
@@ -115,7 +94,16 @@ impl Pipeline<'_> {
     }
 
     fn homography(&self, pair: &ImagePair, lens: Option<&Lens>) -> PairResult {
-        self.homography_with(pair, lens, self.options.robust)
+        self.homography_with(pair, lens, self.robust_options(false))
+    }
+
+    /// Options of the robust fit for features, or for patches, which carry their own deviation: noise is in units of it.
+    pub(super) fn robust_options(&self, patches: bool) -> RobustOptions {
+        let mut robust = self.options.robust;
+        if patches {
+            (robust.max_sigma_px, robust.static_px) = (MAX_PATCH_NOISE, 0.0);
+        }
+        robust
     }
 
     pub(super) fn homography_with(
@@ -136,7 +124,7 @@ impl Pipeline<'_> {
         // Indices into the pair's matches are kept; a match that has no ideal point is moved out of every model's reach.
         let ideal: Vec<PointMatch> = match lens {
             None => pair.matches.clone(),
-            Some(lens) => pair.matches.iter().map(|m| lens.ideal(m).unwrap_or(*m)).collect(),
+            Some(lens) => pair.matches.iter().map(|m| lens.ideal_match(m).unwrap_or(*m)).collect(),
         };
         robust.min_inliers = self.min_matches.max(6);
         robust.ransac.seed = self.options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
@@ -210,7 +198,7 @@ impl Pipeline<'_> {
         };
         let stride = robust.inliers.len().div_ceil(ENOUGH);
         let some: Vec<PointMatch> = robust.inliers.iter().step_by(stride).map(|&k| matches[k]).collect();
-        let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal(m)).collect();
+        let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal_match(m)).collect();
         let coordinates = |matches: &[PointMatch]| {
             let start = &robust.estimate.in_frame;
             let estimate = refine(matches, Some(start), &self.frame(), &RefineOptions::default()).ok()?;
@@ -221,7 +209,8 @@ impl Pipeline<'_> {
     }
 
     pub(super) fn refit(&self, pair: &ImagePair, robust: &RobustHomography, lens: &Lens) -> Option<HomographyEstimate> {
-        let ideal: Vec<PointMatch> = robust.inliers.iter().filter_map(|&k| lens.ideal(&pair.matches[k])).collect();
+        let ideal: Vec<PointMatch> =
+            robust.inliers.iter().filter_map(|&k| lens.ideal_match(&pair.matches[k])).collect();
         refine(&ideal, None, &self.frame(), &RefineOptions::default()).ok()
     }
 

@@ -3,19 +3,15 @@
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
-use super::{
-    Pipeline, Stage,
-    pairs::{Lens, PairResult},
-};
+use super::{Pipeline, Stage, pairs::PairResult};
 use crate::{
     correspondence::{ImagePair, PointMatch},
     least_squares_matching::{SplineImage, match_patches},
+    lens_estimate::Lens,
 };
 
 /// Fewest patches that replace feature matches.
 const MIN_PATCHES: usize = 30;
-/// Largest noise of a patch match in units of its predicted deviation.
-const MAX_PATCH_NOISE: f64 = 6.0;
 
 impl Pipeline<'_> {
     /// Replaces the matches of the pairs `used` by patches matched by least squares and fits the homographies to them. A
@@ -63,7 +59,7 @@ impl Pipeline<'_> {
         let h = robust.estimate.h_b_from_a;
         let map = |p: &Vector2<f64>| match lens {
             None => h.apply(p),
-            Some(lens) => lens.real(&h.apply(&lens.ideal_point(p)?)?),
+            Some(lens) => lens.real_point(&h.apply(&lens.ideal_point(p)?)?),
         };
         let options = &self.options.patches;
         let patches = match_patches(&splines[&pair.from], &images[pair.from], &splines[&pair.to], &map, options);
@@ -72,18 +68,14 @@ impl Pipeline<'_> {
             return None;
         }
         let sharp = ImagePair { matches, ..pair.clone() };
-        let mut robust_options = self.options.robust;
-        // Patch matches carry their own deviation: noise is in units of it.
-        robust_options.max_sigma_px = MAX_PATCH_NOISE;
-        robust_options.static_px = 0.0;
-        let mut next = self.homography_with(&sharp, lens, robust_options);
+        let mut next = self.homography_with(&sharp, lens, self.robust_options(true));
         let (found, sharp_geometry) = next.outcome.as_mut().ok()?;
         // The patches were sought where the features said: they may refine that, not turn it into something else.
         let turned = (sharp_geometry.rotation_rad - geometry.rotation_rad).abs();
         if found.inliers.len() < MIN_PATCHES || turned > 0.1 {
             return None;
         }
-        found.static_background = robust.static_background;
+        (found.patches, found.static_background) = (true, robust.static_background);
         next.candidates = result.candidates;
         Some((sharp, next))
     }

@@ -2,27 +2,44 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{
-    HELD_ATTITUDE_SIGMA_DEG, Pipeline, Stage,
-    linear::Chosen,
-    pairs::{Lens, PairResult},
-};
+use super::{HELD_ATTITUDE_SIGMA_DEG, Pipeline, Stage, linear::Chosen, pairs::PairResult, unknown_lens::LensFinding};
 use crate::{
     attitude::attitude_from_up,
-    attitude_groups::Motion,
-    camera::{CameraSolution, solve_camera},
+    camera::CameraSolution,
     circular_points::CircularPoint,
     correspondence::ImagePair,
     distortion::Distortion,
     error::Error,
     frame::Frame,
     intrinsics::Intrinsics,
+    lens_estimate::Lens,
     motions::Verdict,
     result::{
         AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, Prior, StandardDeviation,
         Warning,
     },
 };
+
+/// What is known of the lens.
+pub(super) enum KnownLens {
+    /// Taken to have no distortion.
+    NotModelled,
+    /// Coefficients given, and the camera they act through.
+    Given(Lens),
+    /// Estimated, or found to be none.
+    Estimated(LensFinding),
+}
+
+impl LensFinding {
+    /// Standard deviation of k1 for the camera's focal length (the estimate has a reference one).
+    fn k1_sigma(&self, k: &Intrinsics) -> f64 {
+        self.estimate.covariance[(0, 0)].sqrt() * (k.fx / self.estimate.lens.intrinsics.fx).powi(2)
+    }
+
+    fn k2_sigma(&self, k: &Intrinsics) -> f64 {
+        self.estimate.covariance[(1, 1)].sqrt() * (k.fx / self.estimate.lens.intrinsics.fx).powi(4)
+    }
+}
 
 impl Pipeline<'_> {
     /// The camera of the chosen motions, with everything that is reported beside it.
@@ -32,18 +49,30 @@ impl Pipeline<'_> {
         results: &[PairResult],
         chosen: Chosen,
         mut warnings: Vec<Warning>,
-        lens: Option<Lens>,
+        known: &KnownLens,
     ) -> Result<Calibration, Error> {
         self.observer.begin(Stage::Camera, 1);
         let used = chosen.used();
-        let used_motions: Vec<Motion> =
-            chosen.motions.iter().filter(|(i, _)| used.contains(i)).map(|(_, m)| m.clone()).collect();
         let mut camera = self.options.camera(self.size);
         let before_a_background = used.iter().any(|&i| results[i].background() > 0);
         if self.options.attitude_sigma_deg.is_none() && used.len() == 1 && before_a_background {
             camera.attitude_sigma_rad = HELD_ATTITUDE_SIGMA_DEG.to_radians();
         }
-        let solution = solve_camera(&used_motions, &self.frame(), &camera)?;
+        let mut solution = self.camera_of(&chosen, &camera)?;
+        // The same weights for every question asked of this solution.
+        (camera.attitude_sigma_rad, camera.estimate_attitude_sigma) = (solution.attitude_sigma_rad, false);
+        if let KnownLens::Estimated(finding) = known {
+            let added = self.covariance_of_lens(pairs, results, &used, finding, &camera).ok_or_else(|| {
+                Error::Numerical { stage: "lens distortion", detail: "the camera does not follow the lens".into() }
+            })?;
+            solution.covariance_px += added;
+            let share = (added[(0, 0)] / solution.covariance_px[(0, 0)]).sqrt();
+            let percent = 100.0 * added[(0, 0)].sqrt() / solution.intrinsics.fx;
+            if share > 0.8 && percent > 1.0 {
+                warnings
+                    .push(Warning::DistortionUncertain { percent, k1_sigma: finding.k1_sigma(&solution.intrinsics) });
+            }
+        }
 
         for (pair, result) in pairs.iter().zip(results) {
             if result.background() > 0 {
@@ -55,11 +84,11 @@ impl Pipeline<'_> {
             }
         }
         let matched = pairs.iter().any(|p| !p.matches.is_empty());
-        if lens.is_none() && matched {
+        if matches!(known, KnownLens::NotModelled) && matched {
             // An unmodelled k1 of the true lens shows as the change that undoing it would make, the other way round.
             let f_if = |k1: f64| {
                 let lens = Lens { distortion: Distortion::radial(k1, 0.0), intrinsics: solution.intrinsics };
-                self.refit_camera(pairs, results, &used, &lens)
+                self.refit_camera(pairs, results, &used, &lens, &camera)
                     .map(|s| 100.0 * (solution.intrinsics.fx / s.intrinsics.fx - 1.0))
             };
             warnings.push(Warning::DistortionNotModelled {
@@ -90,7 +119,7 @@ impl Pipeline<'_> {
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        Ok(self.assemble(&solution, lens, reports, motion_reports, &warnings))
+        Ok(self.assemble(&solution, known, reports, motion_reports, &warnings))
     }
 
     fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
@@ -203,14 +232,29 @@ impl Pipeline<'_> {
     fn assemble(
         &self,
         s: &CameraSolution,
-        lens: Option<Lens>,
+        known: &KnownLens,
         attitudes: Vec<AttitudeReport>,
         motions: Vec<MotionReport>,
         warnings: &[Warning],
     ) -> Calibration {
         let k = &s.intrinsics;
         let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
-        let d = lens.map_or(Distortion::default(), |l| l.distortion);
+        let ln_f_sigma = s.covariance_px[(0, 0)].max(0.0).sqrt() / k.fx;
+        let (source, d, k1_sigma, k2_sigma) = match known {
+            KnownLens::NotModelled => ("not modelled", Distortion::default(), None, None),
+            KnownLens::Given(lens) => ("given", lens.distortion, None, None),
+            KnownLens::Estimated(finding) => {
+                let lens = finding.lens().map(|l| l.with_focal_length(k.fx));
+                let d = lens.map_or(Distortion::default(), |l| l.distortion);
+                (
+                    "estimated",
+                    d,
+                    // The residuals see k1 / f² and k2 / f⁴: what is unknown of f adds.
+                    Some(finding.k1_sigma(k).hypot(2.0 * d.k1 * ln_f_sigma)),
+                    Some(finding.k2_sigma(k).hypot(4.0 * d.k2 * ln_f_sigma)),
+                )
+            }
+        };
         Calibration {
             format_version: 1,
             pixel_centre: "(0,0) is the centre of the top-left pixel",
@@ -223,6 +267,7 @@ impl Pipeline<'_> {
                 skew: k.skew,
                 distortion: DistortionReport {
                     model: if d.is_none() { "none" } else { "radtan" },
+                    source,
                     k1: d.k1,
                     k2: d.k2,
                     p1: d.p1,
@@ -235,8 +280,8 @@ impl Pipeline<'_> {
                 cx: sd(2),
                 cy: sd(3),
                 skew: sd(4),
-                k1: None,
-                k2: None,
+                k1: k1_sigma,
+                k2: k2_sigma,
             },
             covariance: Covariance {
                 parameters: ["fx", "fy", "cx", "cy", "skew"],

@@ -46,6 +46,8 @@ pub struct RobustHomography {
     pub trials: usize,
     /// Matches of a background that did not move and had more support; they were set aside. 0: none.
     pub static_background: usize,
+    /// The matches are patches matched by least squares, not features.
+    pub patches: bool,
     /// The homography is the identity: nothing moved between the two images, and no second plane was found.
     pub is_static: bool,
 }
@@ -170,6 +172,7 @@ fn estimate_among(
         inliers: inliers.iter().map(|&i| among[i]).collect(),
         trials: found.trials,
         static_background: 0,
+        patches: false,
         is_static: false,
     })
 }
