@@ -19,6 +19,8 @@ use crate::error::CliError;
 const IMAGE_EXTENSIONS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
 /// Memory a decoder may ask for: 100 megapixels of 16-bit RGBA.
 const MAX_DECODER_BYTES: u64 = 1 << 30;
+/// Pixels of one image.
+const MAX_PIXELS: u64 = 150_000_000;
 
 /// What the inputs turned out to be.
 pub enum Input {
@@ -59,8 +61,9 @@ pub fn find(inputs: &[String]) -> Result<Input, CliError> {
             Err(CliError::Usage("a CSV of matches or tracks is given alone, not together with other inputs".into()))
         }
         _ => {
+            // One file under two spellings is one file.
             let mut seen = std::collections::HashSet::new();
-            files.retain(|f| seen.insert(f.clone()));
+            files.retain(|f| seen.insert(f.canonicalize().unwrap_or_else(|_| f.clone())));
             Ok(Input::Images(files))
         }
     }
@@ -157,6 +160,15 @@ fn image(path: &Path) -> Result<GrayImage, CliError> {
         return Err(fail("truncated: the JPEG has no end marker. Copy it again from the camera".into()));
     }
     let mut decoder = reader.into_decoder().map_err(damaged)?;
+    // The decoder's own limits leave its output aside.
+    let (columns, rows) = decoder.dimensions();
+    if u64::from(columns) * u64::from(rows) > MAX_PIXELS || decoder.total_bytes() > MAX_DECODER_BYTES {
+        return Err(fail(format!(
+            "too large: {columns} x {rows} pixels, at most {} megapixels and {} MiB decoded are read. Scale it down",
+            MAX_PIXELS / 1_000_000,
+            MAX_DECODER_BYTES >> 20
+        )));
+    }
     let orientation = decoder.orientation().map_err(damaged)?;
     let mut decoded = DynamicImage::from_decoder(decoder).map_err(damaged)?;
     decoded.apply_orientation(orientation);
@@ -164,10 +176,29 @@ fn image(path: &Path) -> Result<GrayImage, CliError> {
     GrayImage::from_rows(size, grey(decoded)).ok_or_else(|| fail("a pixel value is not a finite number".into()))
 }
 
-/// Whether an end-of-image marker follows the last start of a scan; decoders fill the rest of a truncated file with grey.
+/// Whether the image data end with an end-of-image marker; decoders fill the rest of a truncated file with grey. Segments are
+/// skipped by their length (thumbnails have markers of their own), and what follows the end (a motion photo's film) is not
+/// looked at.
 fn ends_like_a_jpeg(bytes: &[u8]) -> bool {
-    let last = |marker: u8| bytes.windows(2).rposition(|w| w == [0xff, marker]);
-    matches!((last(0xd9), last(0xda)), (Some(end), Some(scan)) if end > scan)
+    let mut at = 2;
+    while at + 1 < bytes.len() {
+        if bytes[at] != 0xff {
+            // Entropy-coded data, or padding between segments.
+            at += 1;
+            continue;
+        }
+        match bytes[at + 1] {
+            0xd9 => return true,
+            // A stuffed zero, a restart marker, a fill byte.
+            0x00 | 0x01 | 0xd0..=0xd8 => at += 2,
+            0xff => at += 1,
+            _ => {
+                let Some(length) = bytes.get(at + 2..at + 4) else { return false };
+                at += 2 + usize::from(u16::from_be_bytes([length[0], length[1]]));
+            }
+        }
+    }
+    false
 }
 
 /// Luminance weights of Rec. 709 on the stored values, 0..1; alpha is ignored.

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use crate::{error::Error, image::ImageSize};
+use crate::{error::Error, image::ImageSize, statistics::median};
 
 /// A point of the plane seen in two images; pixels, (0, 0) the centre of the top-left pixel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,7 +35,7 @@ pub struct ImagePair {
 }
 
 /// Checks every match (finite, plausibly inside the image, positive sigma) and drops exact repetitions, which carry no
-/// information and would shrink the error bars. The order of first appearance is kept.
+/// information and would shrink the error bars. The order of first appearance is kept; deviations are divided by their median.
 pub fn validated(matches: &[PointMatch], size: ImageSize) -> Result<Vec<PointMatch>, Error> {
     // Points may lie a little outside (sub-pixel corners at the border, undistorted points), not far outside.
     let margin = 0.5 * (size.width + size.height) as f64;
@@ -62,7 +62,13 @@ pub fn validated(matches: &[PointMatch], size: ImageSize) -> Result<Vec<PointMat
     }
     let key = |m: &PointMatch| [m.a.x, m.a.y, m.b.x, m.b.y].map(f64::to_bits);
     let mut seen = std::collections::HashSet::with_capacity(matches.len());
-    Ok(matches.iter().filter(|m| seen.insert(key(m))).copied().collect())
+    let mut different: Vec<PointMatch> = matches.iter().filter(|m| seen.insert(key(m))).copied().collect();
+    // Deviations are relative: what they have in common is estimated from the residuals.
+    let common = median(&mut different.iter().map(|m| m.sigma_px).collect::<Vec<_>>());
+    for m in &mut different {
+        m.sigma_px /= common;
+    }
+    Ok(different)
 }
 
 #[cfg(test)]

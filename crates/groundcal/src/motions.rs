@@ -10,6 +10,7 @@
 //! (far scenes, a camera turning on the spot) are taken only where the floor does not explain the images.
 
 use nalgebra::{Matrix4, SMatrix};
+use rayon::prelude::*;
 
 use crate::{
     absolute_conic::{ConicSolution, Parameters, Priors, WeightedPoint, agreement, intrinsics_of, refine},
@@ -56,10 +57,29 @@ pub enum Verdict {
     },
 }
 
+/// What a set must have beyond that: odds of twenty to one.
+const MARGIN_LOG_ODDS: f64 = 3.0;
+
 /// Odds (logarithm) given beforehand to a pair of images that follow each other: people take the two images of a motion one
 /// after the other. Any other pair has odds of one to the number of pairs tried, so that chance agreement of one among many
 /// counts for nothing.
 const NEIGHBOUR_LOG_ODDS: f64 = 0.0;
+
+/// Logarithm of how much likelier this ρ is for a motion than for a pair of other views: most cameras keep their height to a
+/// few per cent, any two views have any ratio.
+fn height_log_odds(rho: f64, rho_sigma: f64) -> f64 {
+    const SPREAD: f64 = 0.3;
+    const KEPT: f64 = 0.02;
+    const KEEPING: f64 = 0.8;
+    let ln_rho = rho.max(1e-3).ln();
+    let noise = (rho_sigma / rho.max(1e-3)).powi(2);
+    let density = |sigma: f64| {
+        let variance = sigma * sigma + noise;
+        (-0.5 * ln_rho * ln_rho / variance).exp() / variance.sqrt()
+    };
+    let free = density(SPREAD).max(f64::MIN_POSITIVE);
+    ((KEEPING * density(KEPT) + (1.0 - KEEPING) * free) / free).ln()
+}
 
 struct Hypothesis {
     members: Vec<usize>,
@@ -67,15 +87,20 @@ struct Hypothesis {
     solution: ConicSolution,
 }
 
+/// Gives the images of a motion, and all that are joined to either, one label.
+fn join(labels: &mut [usize], motion: &Motion) {
+    let (keep, change) = (labels[motion.from], labels[motion.to]);
+    for label in labels.iter_mut().filter(|l| **l == change) {
+        *label = keep;
+    }
+}
+
 struct Search<'a> {
     motions: &'a [Motion],
     priors: Priors,
     options: &'a ConsistencyOptions,
-    /// Circular points with their covariance for a middling camera.
-    reference: Vec<WeightedPoint>,
-    /// conflict[i][j]: squared attitude distance of motions that share an image; not a number otherwise (found when asked
-    /// for).
-    conflict: Vec<Vec<f64>>,
+    /// Squared attitude distances for a middling camera.
+    distances: Vec<Vec<f64>>,
 }
 
 /// The widest spread of focal lengths allowed for in the search alone: fx is 0.9 of the mean side, times or over 3 (two
@@ -119,37 +144,22 @@ impl Search<'_> {
 
     fn log_odds_beforehand(&self, index: usize) -> f64 {
         let m = &self.motions[index];
-        if m.to.abs_diff(m.from) == 1 { NEIGHBOUR_LOG_ODDS } else { -(self.motions.len() as f64).ln() }
+        let order = if m.to.abs_diff(m.from) == 1 { NEIGHBOUR_LOG_ODDS } else { -(self.motions.len() as f64).ln() };
+        order + height_log_odds(m.geometry.rho, m.geometry.rho_sigma)
     }
 
-    /// Whether a candidate contradicts the members. Images joined by motions share one attitude, so every candidate among
-    /// them, member or not, must have the circular point of the one to be added: of three images of which two share an
-    /// attitude, the two false pairs may well agree with each other, but not with the true one.
-    fn conflicts(&self, index: usize, members: &[usize]) -> bool {
+    /// Whether a candidate contradicts a set whose images carry the labels of the parts they are joined to. Images joined by
+    /// motions share one attitude, so every candidate among them, member or not, must have the circular point of the one to
+    /// be added: of three images of which two share an attitude, the two false pairs may well agree with each other, but not
+    /// with the true one.
+    fn conflicts(&self, index: usize, labels: &[usize]) -> bool {
         let new = &self.motions[index];
-        let mut images = std::collections::BTreeSet::from([new.from, new.to]);
-        let mut grew = true;
-        while grew {
-            let before = images.len();
-            for m in members.iter().map(|&m| &self.motions[m]) {
-                if images.contains(&m.from) || images.contains(&m.to) {
-                    images.extend([m.from, m.to]);
-                }
-            }
-            grew = images.len() > before;
-        }
-        let among = |m: &Motion| images.contains(&m.from) && images.contains(&m.to);
-        let others = self.motions.iter().enumerate().filter(|(i, m)| *i != index && among(m));
-        others.into_iter().any(|(i, _)| self.distance(index, i) > DIFFERENT_ATTITUDE)
-    }
-
-    fn distance(&self, a: usize, b: usize) -> f64 {
-        let known = self.conflict[a][b];
-        if known.is_nan() {
-            attitude_distance(&self.reference[a], &self.reference[b], self.options.k1_sigma)
-        } else {
-            known
-        }
+        let joined = [labels[new.from], labels[new.to]];
+        let among = |m: &Motion| joined.contains(&labels[m.from]) && joined.contains(&labels[m.to]);
+        self.motions
+            .iter()
+            .enumerate()
+            .any(|(i, m)| i != index && among(m) && self.distances[index][i] > DIFFERENT_ATTITUDE)
     }
 
     fn grow(&self, seed: usize) -> Option<Hypothesis> {
@@ -162,27 +172,47 @@ impl Search<'_> {
         }
         let mut members = vec![seed];
         let mut score = self.log_odds_beforehand(seed);
+        let images = self.motions.iter().map(|m| m.from.max(m.to) + 1).max().unwrap_or(0);
+        let mut labels: Vec<usize> = (0..images).collect();
+        join(&mut labels, &self.motions[seed]);
+        // Out for good: what contradicts a set contradicts every larger one.
+        let mut open: Vec<usize> = (0..self.motions.len()).filter(|&i| i != seed && suits(i)).collect();
         loop {
-            let best = (0..self.motions.len())
-                .filter(|&i| suits(i) && !members.contains(&i) && !self.conflicts(i, &members))
-                .filter_map(|i| {
+            let mut offers: Vec<(usize, f64)> = open
+                .iter()
+                .filter_map(|&i| {
                     let w = self.weighted(i, &solution.parameters);
                     let (distance, odds) = agreement(&solution.parameters, &solution.covariance, &w)?;
                     (distance < self.options.gate).then_some((i, odds + self.log_odds_beforehand(i)))
                 })
-                .max_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
-            let Some((index, gain)) = best.filter(|(_, gain)| *gain > 0.0) else { break };
-            members.push(index);
-            let Some(next) = self.solve(&members, &solution.parameters) else {
-                members.pop();
-                break;
-            };
-            // Within the gate one by one and yet not together: a coincidence.
-            if next.chi_squared > self.options.gate * members.len() as f64 {
-                members.pop();
-                break;
+                .filter(|(_, gain)| *gain > 0.0)
+                .collect();
+            offers.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+            let mut chosen = None;
+            for (i, gain) in offers {
+                if !self.conflicts(i, &labels) {
+                    chosen = Some((i, gain));
+                    break;
+                }
+                open.retain(|&o| o != i);
             }
-            solution = next;
+            let Some((index, gain)) = chosen else { break };
+            open.retain(|&o| o != index);
+            members.push(index);
+            // With many members one more changes little: not every round needs a new solution.
+            if members.len() <= 12 || members.len().is_multiple_of(8) {
+                let Some(next) = self.solve(&members, &solution.parameters) else {
+                    members.pop();
+                    continue;
+                };
+                // Within the gate one by one and yet not together: a coincidence.
+                if next.chi_squared > self.options.gate * members.len() as f64 {
+                    members.pop();
+                    continue;
+                }
+                solution = next;
+            }
+            join(&mut labels, &self.motions[index]);
             score += gain;
         }
         Some(Hypothesis { members, score, solution })
@@ -203,7 +233,7 @@ pub struct Selection {
 /// Finds the largest consistent set. Deterministic.
 pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Selection {
     // Each of n candidates may found a set, and each set has n to choose from.
-    let needed_log_odds = 2.0 * (motions.len().max(1) as f64).ln();
+    let needed_log_odds = MARGIN_LOG_ODDS + 2.0 * (motions.len().max(1) as f64).ln();
     if motions.is_empty() {
         return Selection { verdicts: Vec::new(), log_odds: 0.0, needed_log_odds };
     }
@@ -211,24 +241,17 @@ pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Sele
     let priors =
         Priors([Some(SEARCH_LN_F), Some((options.aspect.ln(), 0.01)), Some((0.0, sigma)), Some((0.0, sigma)), None]);
     let reference = Parameters::from([SEARCH_LN_F.0, options.aspect.ln(), 0.0, 0.0, 0.0]);
-    let mut search = Search { motions, priors, options, reference: Vec::new(), conflict: Vec::new() };
-    search.reference = (0..motions.len()).map(|i| search.undistorted(i, &reference)).collect();
+    let mut search = Search { motions, priors, options, distances: Vec::new() };
+    let points: Vec<WeightedPoint> = (0..motions.len()).map(|i| search.undistorted(i, &reference)).collect();
+    search.distances =
+        points.par_iter().map(|a| points.iter().map(|b| attitude_distance(a, b, options.k1_sigma)).collect()).collect();
     let shares = |a: &Motion, b: &Motion| [a.from, a.to].into_iter().find(|v| *v == b.from || *v == b.to);
-    search.conflict = (0..motions.len())
-        .map(|i| {
-            (0..motions.len())
-                .map(|j| match shares(&motions[i], &motions[j]) {
-                    Some(_) if i != j => {
-                        attitude_distance(&search.reference[i], &search.reference[j], options.k1_sigma)
-                    }
-                    _ => f64::NAN,
-                })
-                .collect()
-        })
-        .collect();
-    use rayon::prelude::*;
-    let hypotheses: Vec<Option<Hypothesis>> =
-        (0..motions.len()).into_par_iter().map(|seed| search.grow(seed)).collect();
+    // A seed that a set has taken in would found much the same set.
+    let mut hypotheses: Vec<Option<Hypothesis>> = Vec::with_capacity(motions.len());
+    for seed in 0..motions.len() {
+        let taken = hypotheses.iter().flatten().any(|h| h.members.len() >= 4 && h.members.contains(&seed));
+        hypotheses.push(if taken { None } else { search.grow(seed) });
+    }
     // The earliest seed on a tie, whatever the threads did.
     let best_of = |sides: Sides| {
         let seeded = hypotheses.iter().enumerate().filter(|(seed, _)| motions[*seed].sides == sides);
@@ -258,11 +281,11 @@ pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Sele
             let clash = best
                 .members
                 .iter()
-                .filter(|&&m| search.conflict[i][m] > DIFFERENT_ATTITUDE)
-                .max_by(|&&a, &&b| search.conflict[i][a].total_cmp(&search.conflict[i][b]));
+                .filter(|&&m| shares(&motions[i], &motions[m]).is_some() && search.distances[i][m] > DIFFERENT_ATTITUDE)
+                .max_by(|&&a, &&b| search.distances[i][a].total_cmp(&search.distances[i][b]));
             if let Some(&m) = clash {
                 let image = shares(&motions[i], &motions[m]).unwrap_or(motions[i].from);
-                return Verdict::OtherAttitude { motion: m, image, sigmas: search.conflict[i][m].sqrt() };
+                return Verdict::OtherAttitude { motion: m, image, sigmas: search.distances[i][m].sqrt() };
             }
             let covariance: SMatrix<f64, 5, 5> = best.solution.covariance;
             let w = search.weighted(i, &best.solution.parameters);

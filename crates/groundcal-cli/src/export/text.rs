@@ -157,9 +157,10 @@ fn not_used(w: &mut String, c: &Calibration, verbose: bool) -> std::fmt::Result 
     let list_all = verbose || left.len() <= MAX_LISTED;
     writeln!(
         w,
-        "not used: {} pairs, {with_plane} of them with a common plane{}",
+        "not used: {} pairs; {with_plane} with a common plane, {} without one or with too few matches{}",
         left.len(),
-        if list_all { ":" } else { " (all: --verbose, or calibration.json):" }
+        left.len() - with_plane,
+        if list_all { ":" } else { " (all: --verbose, or calibration.json)" }
     )?;
     let mut listed = 0;
     for m in &left {

@@ -198,6 +198,14 @@ impl Pipeline<'_> {
                 Some(Motion { from: pairs[i].from, to: pairs[i].to, geometry, sides: Sides::One })
             })
             .collect();
+        if motions.is_empty() && !used.is_empty() {
+            let d = &self.options.distortion;
+            return Err(Error::InvalidOption(format!(
+                "the lens distortion k1 = {}, k2 = {} cannot be undone where the matches are: the lens folds over inside the image. \
+                 Check the sign and size of the coefficients",
+                d.k1, d.k2
+            )));
+        }
         solve_camera(&motions, &self.frame(), options)
     }
 

@@ -194,6 +194,9 @@ pub fn calibrate_images(
         return Err(Error::TooFewImages { found: images.len() });
     }
     let size = images[0].size();
+    if size.width < 2 || size.height < 2 {
+        return Err(Error::InvalidInput(format!("{} is {size} pixels: nothing can be seen in it", names[0])));
+    }
     if let Some(other) = images.iter().position(|i| i.size() != size) {
         return Err(Error::InvalidInput(format!(
             "{} is {} pixels, {} is {size}: all images must come from one camera at one size",
@@ -316,9 +319,29 @@ pub fn calibrate_homographies(
     homographies: &[(usize, usize, HomographyEstimate)],
     options: &Options,
 ) -> Result<Calibration, Error> {
+    if size.width < 2 || size.height < 2 {
+        return Err(Error::InvalidInput(format!("an image size of {size} pixels")));
+    }
     options.validate(size)?;
     if !options.distortion.is_none() {
         return Err(Error::InvalidOption("a lens distortion cannot be undone in homographies".into()));
+    }
+    if homographies.is_empty() {
+        return Err(Error::InvalidInput("no homographies at all".into()));
+    }
+    let frame = Frame::new(size, options.principal_point_px);
+    for (i, (from, to, estimate)) in homographies.iter().enumerate() {
+        if *from >= names.len() || *to >= names.len() || from == to {
+            return Err(Error::InvalidInput(format!("homography {i} from {from} to {to} of {} images", names.len())));
+        }
+        if !estimate.covariance.iter().all(|v| v.is_finite()) {
+            return Err(Error::InvalidInput(format!("homography {i} has a covariance that is not finite")));
+        }
+        if estimate.frame != frame {
+            return Err(Error::InvalidInput(format!(
+                "homography {i} has its covariance in a frame of another image size or principal point"
+            )));
+        }
     }
     let results: Vec<(ImagePair, pairs::PairResult)> = homographies
         .iter()

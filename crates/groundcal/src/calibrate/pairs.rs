@@ -1,6 +1,6 @@
 //! From matches to what each pair of images says: homography, circular point, or the reason why not.
 
-use nalgebra::Vector4;
+use nalgebra::{Vector2, Vector4};
 use rayon::prelude::*;
 
 use super::{Pipeline, Stage};
@@ -45,6 +45,9 @@ impl PairResult {
 
 /// Largest noise of a patch match in units of its predicted deviation.
 const MAX_PATCH_NOISE: f64 = 6.0;
+
+/// Where no model takes any point to.
+const OUT_OF_REACH_PX: f64 = 1e7;
 
 /// Width over length below which points count as lying on a line.
 const ON_A_LINE: f64 = 0.01;
@@ -124,7 +127,11 @@ impl Pipeline<'_> {
         // Indices into the pair's matches are kept; a match that has no ideal point is moved out of every model's reach.
         let ideal: Vec<PointMatch> = match lens {
             None => pair.matches.clone(),
-            Some(lens) => pair.matches.iter().map(|m| lens.ideal_match(m).unwrap_or(*m)).collect(),
+            Some(lens) => pair
+                .matches
+                .iter()
+                .map(|m| lens.ideal_match(m).unwrap_or(PointMatch { b: Vector2::repeat(OUT_OF_REACH_PX), ..*m }))
+                .collect(),
         };
         robust.min_inliers = self.min_matches.max(6);
         robust.ransac.seed = self.options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);

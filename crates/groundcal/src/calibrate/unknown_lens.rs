@@ -158,15 +158,21 @@ impl Pipeline<'_> {
         before: Option<&LensFinding>,
         camera: Option<&CameraSolution>,
     ) -> Option<LensFinding> {
-        let lists: Vec<(usize, &Vec<usize>)> =
-            used.iter().filter_map(|&i| Some((i, &results[i].outcome.as_ref().ok()?.0.inliers))).collect();
+        // All pairs of many views repeat each other.
+        let stride = used.len().div_ceil(MAX_PAIRS);
+        let lists: Vec<(usize, &Vec<usize>)> = used
+            .iter()
+            .step_by(stride.max(1))
+            .filter_map(|&i| Some((i, &results[i].outcome.as_ref().ok()?.0.inliers)))
+            .collect();
         let width = self.size.width as f64;
         let mut centre = self.options.principal_point_px.unwrap_or(self.size.centre_px());
         let mut sigma = CENTRE_SIGMA;
         if let Some(c) = camera {
             let known = c.covariance_px[(2, 2)].max(c.covariance_px[(3, 3)]).sqrt() / width;
             if c.estimated[2] && known < KNOWN_CENTRE {
-                (centre, sigma) = ([c.intrinsics.cx, c.intrinsics.cy], known.max(1e-3));
+                // The same images told it, through a lens not yet known: not sharper than half a per cent.
+                (centre, sigma) = ([c.intrinsics.cx, c.intrinsics.cy], known.max(5e-3));
             }
         }
         self.lens_of(pairs, &lists, centre, sigma, before)
