@@ -483,7 +483,7 @@ fn pairs_given_are_the_pairs_looked_at() {
 
 #[test]
 fn summary_has_the_parameters_and_the_warning_about_distortion() {
-    let mut all = args(&TRIPOD_PAIR, &["--constraint", "focal"]);
+    let mut all = args(&TRIPOD_PAIR, &["--constraint", "focal", "--distortion", "none"]);
     all.insert(0, "calibrate".into());
     let outcome = groundcal(&all);
     assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
@@ -544,8 +544,18 @@ fn many_matches_in_bounded_time() {
     let folder = tempdir().unwrap();
     let csv = write(folder.path(), "matches.csv", matches_csv(&scene));
     let start = Instant::now();
-    let json =
-        calibrate(&[&csv, "--image-size", "1280x960", "--constraint", "square", "--attitude-sigma-deg", "0"]).json();
+    let json = calibrate(&[
+        &csv,
+        "--image-size",
+        "1280x960",
+        "--constraint",
+        "square",
+        "--attitude-sigma-deg",
+        "0",
+        "--distortion",
+        "none",
+    ])
+    .json();
     let time = start.elapsed();
     println!("{time:?} for 100,000 matches");
     assert!(time < Duration::from_secs(30), "{time:?} for 100,000 matches");
@@ -745,4 +755,38 @@ fn render_refuses_a_bad_scene() {
     let absent = text(&folder.path().join("absent.toml"));
     let outcome = groundcal(&["render", &absent, "--out", &text(&out)]);
     assert!(outcome.code == INPUT && outcome.stderr.contains("absent.toml"), "{}", outcome.stderr);
+}
+
+// ---- Lens distortion.
+
+#[test]
+fn a_wide_lens_is_estimated_with_the_camera() {
+    let scene: Scene = toml::from_str(
+        &std::fs::read_to_string(root().join("examples/tripod/scene.toml"))
+            .unwrap()
+            .replace("fx = 705", "fx = 500\nk1 = -0.2\nk2 = 0.035"),
+    )
+    .unwrap();
+    let folder = tempdir().unwrap();
+    let renderer = Renderer::new(&scene).unwrap();
+    // Four attitudes of the six are enough.
+    for (i, (_, view)) in scene.views().enumerate().take(8) {
+        let picture = renderer.render(i).unwrap();
+        let (w, h) = (picture.size.width as u32, picture.size.height as u32);
+        RgbImage::from_raw(w, h, picture.data).unwrap().save(folder.path().join(&view.file)).unwrap();
+    }
+    let json = calibrate(&[&text(folder.path())]).json();
+    println!("{}", json["camera"]);
+    for (parameter, truth, tolerance) in
+        [("fx", 500.0, 0.0005 * 500.0), ("fy", 500.0, 0.0005 * 500.0), ("cx", 409.5, 0.8), ("cy", 291.0, 0.8)]
+    {
+        let (found, sigma) = (
+            number(&json, &format!("/camera/{parameter}")),
+            number(&json, &format!("/standard_deviation/{parameter}")),
+        );
+        assert!((found - truth).abs() < tolerance, "{parameter}: {found} +- {sigma}");
+        assert!((found - truth).abs() < 4.0 * sigma, "{parameter}: {found} +- {sigma}");
+    }
+    assert!((number(&json, "/camera/distortion/k1") + 0.2).abs() < 0.001);
+    assert_eq!(json["camera"]["distortion"]["source"], "estimated");
 }

@@ -61,7 +61,7 @@ fn full_turn_with_known_distortion_uses_every_neighbour() {
 #[test]
 fn full_turn_without_distortion_warns_with_a_percentage() {
     let Some(folder) = set("real_turn_grail") else { return };
-    let json = calibrate(&[&text(&folder), "--constraint", "focal"]).json();
+    let json = calibrate(&[&text(&folder), "--constraint", "focal", "--distortion", "none"]).json();
     let warnings = json["warnings"].as_array().expect("warnings");
     let warning = warnings.iter().find(|w| w["code"] == "distortion_not_modelled").expect("the warning");
     let message = warning["message"].as_str().expect("a message");
@@ -69,6 +69,40 @@ fn full_turn_without_distortion_warns_with_a_percentage() {
     let number = before.rsplit(' ').next().expect("a word");
     assert!(message.contains(" %") && number.parse::<f64>().is_ok_and(|p| p.abs() > 0.1), "{message}");
     assert!(message.contains("--k1"), "the remedy: {message}");
+}
+
+#[test]
+fn full_turn_blind_gives_lens_and_focal_length() {
+    let Some(folder) = set("real_turn_grail") else { return };
+    let json = calibrate(&[&text(&folder)]).json();
+    let truth = read_json(&folder.join("truth.json"));
+    close(&json, &truth, "fx", 0.003 * 636.2);
+    let error = (number(&json, "/camera/fx") - number(&truth, "/fx")).abs();
+    assert!(error < 3.0 * number(&json, "/standard_deviation/fx"), "{error}");
+    let k1 = number(&json, "/camera/distortion/k1");
+    assert!((-0.2..-0.1).contains(&k1), "{k1}");
+}
+
+#[test]
+fn patches_bring_the_rendered_sets_to_hundredths_of_a_percent() {
+    for (name, constraint, f_tolerance, point_tolerance) in
+        [("tripod_tiles", "zero-skew", 0.0003, 0.3), ("head_carpet", "auto", 0.0015, 3.0)]
+    {
+        let Some(folder) = set(name) else { continue };
+        let json = calibrate(&[&text(&folder), "--constraint", constraint]).json();
+        let truth = read_json(&folder.join("truth.json"));
+        for (parameter, tolerance) in [
+            ("fx", f_tolerance * number(&truth, "/fx")),
+            ("fy", f_tolerance * number(&truth, "/fy")),
+            ("cx", point_tolerance),
+            ("cy", point_tolerance),
+        ] {
+            close(&json, &truth, parameter, tolerance);
+            let error = number(&json, &format!("/camera/{parameter}")) - number(&truth, &format!("/{parameter}"));
+            let sigma = number(&json, &format!("/standard_deviation/{parameter}"));
+            assert!(error.abs() < 4.0 * sigma, "{name} {parameter}: off by {error}, sd {sigma}");
+        }
+    }
 }
 
 #[test]

@@ -104,7 +104,7 @@ pub struct LensEstimate {
 /// Gauss-Newton rounds.
 const ROUNDS: usize = 8;
 /// Matches of a motion that take part: more do not help where systematic errors rule.
-const ENOUGH: usize = 1500;
+const ENOUGH: usize = 3000;
 
 /// Estimates the lens from the inliers of motions (pixels, distorted), starting at `start`, about whose centre the prior of the
 /// centre of distortion lies. `None` when nothing is determined or the lens folds over.
@@ -149,8 +149,7 @@ pub fn estimate_lens(
 fn reduced_equations(matches: &[PointMatch], frame: &Frame, lens: &Lens) -> Option<(Vector4<f64>, Matrix4<f64>)> {
     let stride = matches.len().div_ceil(ENOUGH).max(1);
     // A point beyond the fold of a lens on the way has no ideal place; it is back when the lens is better.
-    let (real, ideal): (Vec<&PointMatch>, Vec<PointMatch>) =
-        matches.iter().step_by(stride).filter_map(|m| Some((m, lens.ideal_match(m)?))).unzip();
+    let ideal: Vec<PointMatch> = matches.iter().step_by(stride).filter_map(|m| lens.ideal_match(m)).collect();
     let estimate = refine(&ideal, None, frame, &RefineOptions::default()).ok()?;
     let tangent = sphere_tangent(&rows_of(&estimate.in_frame));
     const STEP: f64 = 1e-4;
@@ -175,11 +174,17 @@ fn reduced_equations(matches: &[PointMatch], frame: &Frame, lens: &Lens) -> Opti
     let mut tt = Matrix4::zeros();
     let mut gradient_t = Vector4::zeros();
     let mut gradient_h = SVector::<f64, 8>::zeros();
-    for (m, r) in ideal.iter().zip(&real) {
+    for m in &ideal {
         let local = PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m };
         let l = linearise(&estimate.in_frame, &local)?;
         let weight = l.weight / (m.sigma_px * m.sigma_px);
-        let by_lens = derivative(&r.b)? - l.slope * derivative(&r.a)?;
+        // At the corrected points: at the measured ones the derivative would share the noise of the innovation, and the
+        // products would not average to zero.
+        let [a, b] = l.corrected.map(|p| lens.real_point(&frame.to_pixel(&p)));
+        let (Some(by_a), Some(by_b)) = (a.and_then(|p| derivative(&p)), b.and_then(|p| derivative(&p))) else {
+            continue;
+        };
+        let by_lens = by_b - l.slope * by_a;
         let by_h = -(l.by_entries * tangent);
         hh += by_h.transpose() * weight * by_h;
         ht += by_h.transpose() * weight * by_lens;

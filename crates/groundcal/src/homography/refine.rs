@@ -108,6 +108,8 @@ fn eliminate(h: &Matrix3<f64>, m: &PointMatch) -> Option<Eliminated> {
 
 /// The residual of one match linearised in the homography's entries and in both points, its true point eliminated.
 pub(crate) struct Linearised {
+    /// The corrected points x̂ and H x̂; their errors are uncorrelated with the innovation.
+    pub(crate) corrected: [Vector2<f64>; 2],
     /// Innovation b - H x̂ - F (a - x̂).
     pub(crate) innovation: Vector2<f64>,
     /// Its inverse covariance for unit noise in all four coordinates, (I + F Fᵀ)⁻¹.
@@ -121,7 +123,9 @@ pub(crate) struct Linearised {
 /// See [`Linearised`]; frame coordinates. `None` for a point beyond infinity.
 pub(crate) fn linearise(h: &Matrix3<f64>, m: &PointMatch) -> Option<Linearised> {
     let e = eliminate(h, m)?;
+    let image = h * e.point;
     Some(Linearised {
+        corrected: [e.point.xy(), image.xy() / image.z],
         innovation: e.innovation,
         weight: e.weight,
         slope: e.projection * h.fixed_view::<3, 2>(0, 0),
