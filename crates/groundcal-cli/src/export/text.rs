@@ -108,7 +108,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
             "{:<name_width$}  {:<name_width$}{:>16}{:>17}{:>9}{:>8.2}{:>8.2}{:>8.2}",
             m.from,
             m.to,
-            with_sigma(m.rotation_deg, m.rotation_sigma_deg, 2),
+            with_sigma(m.rotation_deg, m.rotation_sigma_deg, 3),
             with_sigma(m.rho, m.rho_sigma, 4),
             m.matches,
             m.rms_px.unwrap_or(f64::NAN),
