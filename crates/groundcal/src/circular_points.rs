@@ -149,7 +149,7 @@ fn bilinear_hermitian_gap(e: &ComplexPoint) -> f64 {
 pub struct MotionGeometry {
     /// The imaged circular point.
     pub circular_point: CircularPoint,
-    /// Rotation angle, 0 to π (the sign needs the camera: see [`crate::motions`]).
+    /// Rotation angle, 0 to π (the sign needs the camera: see [`mod@crate::calibrate`]).
     pub rotation_rad: f64,
     /// Its standard deviation.
     pub rotation_sigma_rad: f64,

@@ -182,7 +182,7 @@ pub enum Warning {
     /// No lens distortion was given and none is estimated.
     DistortionNotModelled {
         /// Change of fx in percent if the lens has k1 = +0.05.
-        barrel_minus_percent: f64,
+        pincushion_percent: f64,
         /// Change of fx in percent if the lens has k1 = -0.05.
         barrel_percent: f64,
     },
@@ -258,11 +258,11 @@ impl Warning {
     /// Code and text.
     pub fn report(&self) -> WarningReport {
         let (code, message) = match self {
-            Warning::DistortionNotModelled { barrel_minus_percent, barrel_percent } => (
+            Warning::DistortionNotModelled { pincushion_percent, barrel_percent } => (
                 "distortion_not_modelled",
                 format!(
                     "lens distortion was not modelled and the error bars do not cover it: k1 = -0.05 (slight barrel) unmodelled would \
-                     move fx by {barrel_percent:+.1} %, k1 = +0.05 by {barrel_minus_percent:+.1} % for these motions. If lines bend near the \
+                     move fx by {barrel_percent:+.1} %, k1 = +0.05 by {pincushion_percent:+.1} % for these motions. If lines bend near the \
                      border, give the lens's k1 with --k1 (and --k2)"
                 ),
             ),

@@ -2,7 +2,10 @@
 
 use std::fmt::Write;
 
-use groundcal::result::{Calibration, MotionReport};
+use groundcal::{
+    result::{Calibration, MotionReport},
+    statistics::NORMAL_95,
+};
 
 /// Width of the page in columns.
 const WIDTH: usize = 100;
@@ -65,7 +68,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     ] {
         match sigma {
             Some(sigma) => {
-                let (low, high) = (value - 1.96 * sigma, value + 1.96 * sigma);
+                let (low, high) = (value - NORMAL_95 * sigma, value + NORMAL_95 * sigma);
                 let percent = 100.0 * sigma / c.camera.fx;
                 writeln!(w, "{name:<12}{value:>12.3}{sigma:>14.3}{low:>15.3}{high:>13.3}{percent:>12.3}")?;
             }
@@ -75,7 +78,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     }
     for (name, value, sigma) in [("k1", c.camera.distortion.k1, s.k1), ("k2", c.camera.distortion.k2, s.k2)] {
         if let Some(sigma) = sigma {
-            let (low, high) = (value - 1.96 * sigma, value + 1.96 * sigma);
+            let (low, high) = (value - NORMAL_95 * sigma, value + NORMAL_95 * sigma);
             writeln!(w, "{name:<12}{value:>12.5}{sigma:>14.5}{low:>15.5}{high:>13.5}")?;
         }
     }

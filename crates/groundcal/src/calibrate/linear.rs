@@ -15,7 +15,8 @@ use crate::{
     result::{Calibration, Warning},
 };
 
-/// The same in the search for consistent motions, where nothing should be lost to an odd lens.
+/// Prior of the principal point in the search for consistent motions, as a fraction of the width: nothing should be lost to
+/// an odd lens.
 const SEARCH_PRINCIPAL_POINT_SIGMA: f64 = 0.1;
 /// Least deviation of the attitudes in the search: what is left of lens distortion and of a scene that is not quite a plane
 /// moves circular points by more than the noise says, and a motion is not to be lost for it. Pairs of images of different

@@ -236,6 +236,11 @@ pub fn calibrate_images(
         })
         .collect();
     let min = options.min_plane_matches.unwrap_or(15);
+    if let ([only], [_]) = (matched.as_slice(), pairs.as_slice())
+        && only.matches.len() < 4
+    {
+        return Err(Error::NoCommonPlane { pairs: 1, best: only.matches.len(), needed: min });
+    }
     Pipeline { names, size, options, observer, images: Some(images), min_matches: min }.run(&matched, warnings)
 }
 

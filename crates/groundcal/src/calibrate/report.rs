@@ -20,6 +20,9 @@ use crate::{
     },
 };
 
+/// Standard deviation of fx, in percent, from which on its interval is only roughly one.
+const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
+
 /// What is known of the lens.
 pub(super) enum KnownLens {
     /// Taken to have no distortion.
@@ -92,7 +95,7 @@ impl Pipeline<'_> {
                     .map(|s| 100.0 * (solution.intrinsics.fx / s.intrinsics.fx - 1.0))
             };
             warnings.push(Warning::DistortionNotModelled {
-                barrel_minus_percent: f_if(0.05).unwrap_or(f64::INFINITY),
+                pincushion_percent: f_if(0.05).unwrap_or(f64::INFINITY),
                 barrel_percent: f_if(-0.05).unwrap_or(f64::INFINITY),
             });
         }
@@ -155,7 +158,7 @@ impl Pipeline<'_> {
             });
         }
         let percent = 100.0 * s.covariance_px[(0, 0)].sqrt() / s.intrinsics.fx;
-        if percent > 5.0 {
+        if percent > LARGE_UNCERTAINTY_PERCENT {
             warnings.push(Warning::LargeUncertainty { percent });
         }
     }
@@ -324,6 +327,12 @@ pub(super) fn amplify(c: &mut Calibration, factor: f64) {
         *value *= factor * factor;
     }
     c.fit.distortion_amplification = factor;
+    let percent = 100.0 * c.standard_deviation.fx.unwrap_or(0.0) / c.camera.fx;
+    let warning = Warning::LargeUncertainty { percent };
+    c.warnings.retain(|w| w.code != warning.report().code);
+    if percent > LARGE_UNCERTAINTY_PERCENT {
+        c.warnings.push(warning.report());
+    }
 }
 
 /// The floor's normal in the camera frame.
