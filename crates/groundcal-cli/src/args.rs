@@ -88,7 +88,7 @@ pub struct CalibrateArgs {
     pub seed: u64,
 
     /// Most features of an image
-    #[arg(long, value_name = "N", default_value_t = 3500, value_parser = clap::value_parser!(u32).range(50..=50_000))]
+    #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(50..=50_000))]
     pub max_features: u32,
 
     /// Write calibration.json and camera_opencv.yaml into this folder (made if need be)

@@ -54,7 +54,7 @@ fn run() {
     let options = FeatureOptions::default();
     time("features of a 1024x768 image", 7, || detect(&a, &options));
     let (fa, fb) = (detect(&a, &options), detect(&b, &options));
-    time("matches of a pair (3500 features each)", 7, || match_features(&fa, &fb, &MatchOptions::default()));
+    time("matches of a pair (3000 features each)", 7, || match_features(&fa, &fb, &MatchOptions::default()));
 
     for (matches, outliers) in [(200, 0.0), (200, 0.3), (200, 0.6), (2000, 0.0), (2000, 0.3), (2000, 0.6)] {
         let scene = PointScene { matches, outlier_fraction: outliers, ..PointScene::nominal(1) };

@@ -36,7 +36,7 @@ pub struct FeatureOptions {
 impl Default for FeatureOptions {
     fn default() -> Self {
         Self {
-            max_features: 3500,
+            max_features: 3000,
             contrast_threshold: 0.01,
             edge_ratio: 10.0,
             upsample_below_px: 1_500_000,
