@@ -139,7 +139,7 @@ fn horizon_of(point: &ComplexPoint) -> Option<Vector3<f64>> {
     (norm > 1e-12).then(|| line / norm)
 }
 
-/// 1 - |eᵀe|... of a unit vector, 0 when it is a real vector times a phase.
+/// 1 - |eᵀe| of a unit vector: 0 when it is a real vector times a phase.
 fn bilinear_hermitian_gap(e: &ComplexPoint) -> f64 {
     1.0 - bilinear(e, e).norm()
 }

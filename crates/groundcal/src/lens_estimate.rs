@@ -160,7 +160,7 @@ fn reduced_equations(matches: &[PointMatch], frame: &Frame, lens: &Lens) -> Opti
             [lens.moved(&step), lens.moved(&-step)]
         })
         .collect();
-    // What the lens does to a point beside moving its own origin: a shift of all points alike is the homography's affair.
+    // Change of a point's ideal place with each parameter, by central differences, frame units.
     let derivative = |p: &Vector2<f64>| -> Option<Matrix2x4<f64>> {
         let mut d = Matrix2x4::zeros();
         for (i, [up, down]) in shifted.iter().enumerate() {
