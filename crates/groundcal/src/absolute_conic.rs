@@ -222,6 +222,7 @@ struct MaximumLikelihood<'a> {
 
 impl LeastSquares for MaximumLikelihood<'_> {
     type State = Parameters;
+    type Linearised = NormalEquations;
 
     fn cost(&self, p: &Self::State) -> Option<f64> {
         let mut cost = 0.0;
@@ -237,7 +238,7 @@ impl LeastSquares for MaximumLikelihood<'_> {
         cost.is_finite().then_some(cost)
     }
 
-    fn normal_equations(&self, p: &Self::State) -> Option<NormalEquations> {
+    fn linearise(&self, p: &Self::State) -> Option<NormalEquations> {
         let mut cost = 0.0;
         let mut gradient = SVector::<f64, 5>::zeros();
         let mut information = SMatrix::<f64, 5, 5>::zeros();
@@ -305,7 +306,7 @@ pub fn refine(points: &[WeightedPoint], start: &Parameters, free: [bool; 5], pri
     let problem = MaximumLikelihood { points, priors, free };
     let options = LmOptions { max_iterations: 40, relative_cost_tolerance: 1e-9, step_tolerance: 1e-13 };
     let out = minimise(&problem, *start, &options)?;
-    let inverse = inverse_spd(&out.information)?;
+    let inverse = inverse_spd(&out.linearised.information)?;
     let mut covariance = SMatrix::<f64, 5, 5>::zeros();
     for (r, &i) in problem.free.iter().enumerate() {
         for (c, &j) in problem.free.iter().enumerate() {

@@ -15,7 +15,7 @@ use crate::{
     frame::Frame,
     intrinsics::Intrinsics,
     linalg::ComplexPoint,
-    statistics::chi_squared_survival,
+    statistics::{VarianceComponent, chi_squared_survival},
 };
 
 /// What is known of the camera and of the motion beforehand.
@@ -82,7 +82,8 @@ const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
 const DISAGREEMENT_P: f64 = 0.01;
 
 impl CameraOptions {
-    fn priors(&self, frame: &Frame) -> Priors {
+    /// The priors in frame units.
+    pub fn priors(&self, frame: &Frame) -> Priors {
         if self.constraint != Constraint::Auto {
             return Priors::NONE;
         }
@@ -151,28 +152,13 @@ fn estimate_attitude_sigma(
     options: &CameraOptions,
     priors: &Priors,
 ) -> f64 {
-    const STEPS: i32 = 24;
     let k = intrinsics_of(&solution.parameters);
-    let scale = options.attitude_sigma_rad;
-    let scored: Vec<(f64, f64)> = (-STEPS..=STEPS)
-        .filter_map(|i| {
-            // From a thirtieth of the scale to thirty times it.
-            let sigma = scale * 30f64.powf(f64::from(i) / f64::from(STEPS));
-            let points: Vec<WeightedPoint> = regroup(groups, motions, &k, sigma).into_iter().map(|g| g.fused).collect();
-            let s = refine(&points, &solution.parameters, options.constraint.free(), priors)?;
-            let prior = -(1.0 + (sigma / scale).powi(2)).ln() + sigma.ln();
-            Some((sigma, prior - 0.5 * (s.chi_squared + s.log_determinants)))
-        })
-        .filter(|(_, score)| score.is_finite())
-        .collect();
-    let best = scored.iter().map(|s| s.1).fold(f64::NEG_INFINITY, f64::max);
-    let (mut mass, mut moment) = (0.0, 0.0);
-    for (sigma, score) in &scored {
-        let weight = (score - best).exp();
-        mass += weight;
-        moment += weight * sigma * sigma;
-    }
-    if mass > 0.0 { (moment / mass).sqrt() } else { scale }
+    let component = VarianceComponent { scale: options.attitude_sigma_rad, below: 30.0, above: 30.0 };
+    component.posterior(|sigma| {
+        let points: Vec<WeightedPoint> = regroup(groups, motions, &k, sigma).into_iter().map(|g| g.fused).collect();
+        refine(&points, &solution.parameters, options.constraint.free(), priors)
+            .map_or(f64::NEG_INFINITY, |s| -0.5 * (s.chi_squared + s.log_determinants))
+    })
 }
 
 fn solve_groups(
@@ -258,7 +244,7 @@ fn solve_points(
         ),
         remedy: remedy(constraint),
     })?;
-    check_certainty(&solution, constraint, points.len(), frame)?;
+    check_certainty(&solution.covariance, constraint, points.len(), frame)?;
     Ok(solution)
 }
 
@@ -302,9 +288,18 @@ fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, prior
     linear.into_iter().chain(grid).reduce(better)
 }
 
-/// Refuses an answer whose error bar is so wide that the linearised interval means nothing.
-fn check_certainty(s: &ConicSolution, constraint: Constraint, groups: usize, frame: &Frame) -> Result<(), Error> {
-    let sigma = |i: usize| s.covariance[(i, i)].max(0.0).sqrt();
+/// Refuses an answer whose error bar is so wide that the linearised interval means nothing. The covariance is that of
+/// (ln fx, ln fy/fx, cx, cy, skew), frame units, from `groups` attitudes.
+///
+/// # Errors
+/// [`Error::Undetermined`] naming what is not known, and how badly.
+pub fn check_certainty(
+    covariance: &SMatrix<f64, 5, 5>,
+    constraint: Constraint,
+    groups: usize,
+    frame: &Frame,
+) -> Result<(), Error> {
+    let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
     let mut parts = Vec::new();
     let mut report = |value: f64, limit: f64, text: String| {
         if value.is_nan() || value > limit {

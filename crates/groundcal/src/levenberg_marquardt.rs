@@ -1,8 +1,8 @@
 //! One Levenberg-Marquardt loop for every refinement.
 //!
-//! Minimises cost(x) = rᵀ W r / 2 over a state that need not be a vector space: a problem supplies the normal equations
-//! at a state and the step to a new one. Damping multiplies the diagonal (Marquardt 1963), its factor follows the ratio
-//! of actual to predicted decrease (Nielsen 1999).
+//! Minimises cost(x) = rᵀ W r / 2 over a state that need not be a vector space: a problem supplies its linearisation at a
+//! state (dense [`NormalEquations`], or one that eliminates unknowns its own way) and the step to a new one. Damping
+//! multiplies the diagonal (Marquardt 1963), its factor follows the ratio of actual to predicted decrease (Nielsen 1999).
 
 use nalgebra::{DMatrix, DVector};
 
@@ -16,12 +16,46 @@ pub struct NormalEquations {
     pub information: DMatrix<f64>,
 }
 
+/// A step that solves damped normal equations.
+pub struct DampedStep {
+    /// In the tangent space of the state.
+    pub step: DVector<f64>,
+    /// By how much the linearised problem says the cost falls.
+    pub predicted_decrease: f64,
+}
+
+/// A problem linearised at a state.
+pub trait Linearisation {
+    /// Half the weighted sum of squared residuals.
+    fn cost(&self) -> f64;
+    /// The step for a damping factor λ on the diagonal; `None` when the damped matrix is not positive definite.
+    fn solve(&self, lambda: f64) -> Option<DampedStep>;
+}
+
+impl Linearisation for NormalEquations {
+    fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    fn solve(&self, lambda: f64) -> Option<DampedStep> {
+        let mut damped = self.information.clone();
+        for i in 0..damped.nrows() {
+            damped[(i, i)] += lambda * self.information[(i, i)].max(f64::MIN_POSITIVE);
+        }
+        let step = damped.cholesky()?.solve(&(-&self.gradient));
+        let predicted_decrease = -(self.gradient.dot(&step) + 0.5 * step.dot(&(&self.information * &step)));
+        Some(DampedStep { step, predicted_decrease })
+    }
+}
+
 /// What the loop asks of a problem.
 pub trait LeastSquares {
     /// The unknowns.
     type State: Clone;
-    /// Cost, gradient and Gauss-Newton matrix; `None` where the model is not defined.
-    fn normal_equations(&self, state: &Self::State) -> Option<NormalEquations>;
+    /// Its linearised form.
+    type Linearised: Linearisation;
+    /// The problem linearised at a state; `None` where the model is not defined.
+    fn linearise(&self, state: &Self::State) -> Option<Self::Linearised>;
     /// Cost alone; `None` where the model is not defined.
     fn cost(&self, state: &Self::State) -> Option<f64>;
     /// The state a tangent step away.
@@ -57,14 +91,13 @@ pub enum StopReason {
 }
 
 /// The best state found and how it was reached.
-#[derive(Debug, Clone)]
-pub struct LmOutput<S> {
+pub struct LmOutput<S, L> {
     /// The best state.
     pub state: S,
     /// Half the weighted sum of squared residuals there.
     pub cost: f64,
-    /// The Gauss-Newton matrix there.
-    pub information: DMatrix<f64>,
+    /// The problem linearised there.
+    pub linearised: L,
     /// Steps tried.
     pub iterations: usize,
     /// Why the loop ended.
@@ -72,21 +105,21 @@ pub struct LmOutput<S> {
 }
 
 /// Minimise; `None` only when the problem is undefined at the start.
-pub fn minimise<P: LeastSquares>(problem: &P, start: P::State, options: &LmOptions) -> Option<LmOutput<P::State>> {
+pub fn minimise<P: LeastSquares>(
+    problem: &P,
+    start: P::State,
+    options: &LmOptions,
+) -> Option<LmOutput<P::State, P::Linearised>> {
     let mut state = start;
-    let mut at = problem.normal_equations(&state)?;
+    let mut at = problem.linearise(&state)?;
     let mut lambda = 1e-6;
     let mut growth = 2.0;
     let mut iterations = 0;
     let mut stop = StopReason::MaxIterations;
     while iterations < options.max_iterations {
         iterations += 1;
-        let mut damped = at.information.clone();
-        for i in 0..damped.nrows() {
-            damped[(i, i)] += lambda * at.information[(i, i)].max(f64::MIN_POSITIVE);
-        }
-        let step = damped.cholesky().map(|c| c.solve(&(-&at.gradient)));
-        let Some(step) = step.filter(|s| s.iter().all(|v| v.is_finite())) else {
+        let solved = at.solve(lambda).filter(|s| s.step.iter().all(|v| v.is_finite()));
+        let Some(DampedStep { step, predicted_decrease }) = solved else {
             if lambda > 1e12 {
                 stop = StopReason::Stalled;
                 break;
@@ -94,18 +127,17 @@ pub fn minimise<P: LeastSquares>(problem: &P, start: P::State, options: &LmOptio
             lambda = (lambda * 10.0).max(1e-9);
             continue;
         };
-        let predicted = -(at.gradient.dot(&step) + 0.5 * step.dot(&(&at.information * &step)));
-        if predicted <= options.relative_cost_tolerance * at.cost || step.amax() <= options.step_tolerance {
+        if predicted_decrease <= options.relative_cost_tolerance * at.cost() || step.amax() <= options.step_tolerance {
             stop = StopReason::Converged;
             break;
         }
         let candidate = problem.retract(&state, &step);
-        let gain = problem.cost(&candidate).map_or(-1.0, |cost| (at.cost - cost) / predicted);
+        let gain = problem.cost(&candidate).map_or(-1.0, |cost| (at.cost() - cost) / predicted_decrease);
         if gain > 0.0 {
-            match problem.normal_equations(&candidate) {
-                Some(equations) => {
+            match problem.linearise(&candidate) {
+                Some(linearised) => {
                     state = candidate;
-                    at = equations;
+                    at = linearised;
                     lambda = (lambda * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3))).max(1e-12);
                     growth = 2.0;
                     continue;
@@ -121,7 +153,7 @@ pub fn minimise<P: LeastSquares>(problem: &P, start: P::State, options: &LmOptio
             break;
         }
     }
-    Some(LmOutput { state, cost: at.cost, information: at.information, iterations, stop })
+    Some(LmOutput { state, cost: at.cost(), linearised: at, iterations, stop })
 }
 
 #[cfg(test)]
@@ -132,11 +164,12 @@ mod tests {
 
     impl LeastSquares for Rosenbrock {
         type State = DVector<f64>;
+        type Linearised = NormalEquations;
         fn cost(&self, x: &Self::State) -> Option<f64> {
             let (a, b) = (10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]);
             Some(0.5 * (a * a + b * b))
         }
-        fn normal_equations(&self, x: &Self::State) -> Option<NormalEquations> {
+        fn linearise(&self, x: &Self::State) -> Option<NormalEquations> {
             let r = DVector::from_vec(vec![10.0 * (x[1] - x[0] * x[0]), 1.0 - x[0]]);
             let j = DMatrix::from_row_slice(2, 2, &[-20.0 * x[0], 10.0, -1.0, 0.0]);
             Some(NormalEquations {

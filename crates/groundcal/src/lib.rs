@@ -13,6 +13,7 @@
 //! | [`circular_points`] | from a homography: angle, height ratio, horizon, covariance |
 //! | [`attitude_groups`], [`motions`] | motions of one attitude; which pairs are plane-normal motions |
 //! | [`absolute_conic`], [`camera`] | constraints, rank, weighted solution; camera matrix in pixels |
+//! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
@@ -21,6 +22,7 @@
 pub mod absolute_conic;
 pub mod attitude;
 pub mod attitude_groups;
+pub mod bundle;
 pub mod calibrate;
 pub mod camera;
 pub mod circular_points;

@@ -20,8 +20,11 @@ pub struct Calibration {
     pub covariance: Covariance,
     /// Name of the constraint.
     pub constraint: String,
-    /// Method of estimation.
+    /// Method of estimation: `joint` (everything refined together) or `linear` (Knight, Zisserman & Reid 2003, weighted).
     pub method: &'static str,
+    /// What the points were taken for: `floor`, or `directions` (a camera turning on the spot before a scene far away); `None`
+    /// for the linear method.
+    pub scene: Option<&'static str>,
     /// What was assumed beforehand and how much it counted.
     pub priors: Vec<Prior>,
     /// Standard deviation of each view's attitude about the axes across the floor's normal that the error bars allow
@@ -29,10 +32,14 @@ pub struct Calibration {
     pub attitude_sigma_deg: f64,
     /// Whether the motions told it (otherwise it is the stated or default value).
     pub attitude_sigma_estimated: bool,
+    /// Relative standard deviation of the views' heights over the floor (0: constant); `None` where heights have no part.
+    pub height_sigma: Option<f64>,
     /// How well the motions agree on one camera.
     pub fit: Fit,
     /// Attitudes of the camera to the floor.
     pub attitudes: Vec<AttitudeReport>,
+    /// Every view of the joint refinement.
+    pub views: Vec<ViewReport>,
     /// Every pair looked at.
     pub motions: Vec<MotionReport>,
     /// What to beware of.
@@ -92,9 +99,10 @@ pub struct StandardDeviation {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Covariance {
     /// Names of rows and columns.
-    pub parameters: [&'static str; 5],
-    /// Pixels squared; rows of what was held are zero.
-    pub matrix: [[f64; 5]; 5],
+    pub parameters: [&'static str; 7],
+    /// Pixels squared (k1, k2: no unit); rows of what was held are zero. The linear method leaves the covariances between lens
+    /// and camera zero.
+    pub matrix: [[f64; 7]; 7],
 }
 
 /// A Gaussian prior and how much it counted.
@@ -121,6 +129,26 @@ pub struct Fit {
     pub variance_inflation: f64,
     /// Factor on all standard deviations because the given distortion acts through the focal length (1: none given).
     pub distortion_amplification: f64,
+    /// The joint refinement; `None` for the linear method.
+    pub refinement: Option<Refinement>,
+}
+
+/// How the joint refinement went.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Refinement {
+    /// Points seen in images, each with two coordinates.
+    pub observations: usize,
+    /// Points.
+    pub tracks: usize,
+    /// Degrees of freedom of the residuals.
+    pub degrees_of_freedom: f64,
+    /// Weighted squared residuals over their degrees of freedom, weights being those that single homographies gave: 1 says that
+    /// the model explains the matches as well as a homography a motion does. The weights were scaled by it.
+    pub variance_factor: f64,
+    /// Levenberg-Marquardt steps.
+    pub iterations: usize,
+    /// Whether the last loop ended by itself.
+    pub converged: bool,
 }
 
 /// The camera's attitude to the floor.
@@ -128,12 +156,44 @@ pub struct Fit {
 pub struct AttitudeReport {
     /// Angle of the optical axis below the horizontal, in degrees (90: straight down).
     pub pitch_down_deg: f64,
+    /// Its standard deviation; `None` for the linear method.
+    pub pitch_down_sigma_deg: Option<f64>,
     /// Roll about the optical axis, in degrees (0: the horizon is level).
     pub roll_deg: f64,
+    /// Its standard deviation; `None` for the linear method.
+    pub roll_sigma_deg: Option<f64>,
     /// The horizon in the image: a x + b y + c = 0 in pixels, a² + b² = 1 (`None`: at infinity).
     pub horizon_px: Option<[f64; 3]>,
     /// Motions that show it: indices into `motions`.
     pub motions: Vec<usize>,
+}
+
+/// A view of the joint refinement, in a world whose origin is the floor below the optical centre of the first view that common
+/// points connect it to, Z up, +X along that view's heading, the height of that optical centre being the unit of length.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ViewReport {
+    /// Name of the image.
+    pub image: String,
+    /// Index of its attitude.
+    pub attitude: usize,
+    /// Name of the image that is the origin of its world.
+    pub origin: String,
+    /// Heading, anticlockwise seen from above, in degrees.
+    pub yaw_deg: f64,
+    /// Its standard deviation in degrees; 0 for an origin.
+    pub yaw_sigma_deg: f64,
+    /// Angle of this view's optical axis below the horizontal, in degrees.
+    pub pitch_down_deg: f64,
+    /// This view's roll, in degrees.
+    pub roll_deg: f64,
+    /// Optical centre: x, y, height (`None` for directions: nothing shows where the camera was).
+    pub position: Option<[f64; 3]>,
+    /// Standard deviations of the three.
+    pub position_sigma: Option<[f64; 3]>,
+    /// Points seen in it.
+    pub observations: usize,
+    /// Root mean square of its weighted residuals: 1 as expected, more where something does not fit.
+    pub weighted_rms: f64,
 }
 
 /// A pair of images.
@@ -247,6 +307,11 @@ pub enum Warning {
         /// Number of images.
         images: usize,
     },
+    /// The joint refinement failed; the answer is the linear method's.
+    NotRefined {
+        /// Why.
+        reason: String,
+    },
     /// The fixed point between the given distortion and focal length did not settle.
     DistortionNotConverged {
         /// Last relative change of fx.
@@ -331,6 +396,10 @@ impl Warning {
             Warning::NeighboursOnly { images } => (
                 "neighbours_only",
                 format!("{images} images: only neighbours in the given order were compared. Give --pairs to compare others"),
+            ),
+            Warning::NotRefined { reason } => (
+                "not_refined",
+                format!("the joint refinement failed ({reason}); the answer is the linear method's, with its error bars"),
             ),
             Warning::DistortionNotConverged { relative_change } => (
                 "distortion_not_converged",

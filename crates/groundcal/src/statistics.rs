@@ -50,6 +50,44 @@ pub fn median(values: &mut [f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
+/// A standard deviation to be estimated from the data: a half-Cauchy prior of `scale` (Gelman 2006), on a logarithmic grid
+/// from `scale / below` to `scale * above`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VarianceComponent {
+    /// Scale of the prior.
+    pub scale: f64,
+    /// Range below it.
+    pub below: f64,
+    /// Range above it.
+    pub above: f64,
+}
+
+impl VarianceComponent {
+    /// The root of the posterior mean of the variance, given the logarithm of the (restricted) likelihood: with few data it
+    /// stays wide.
+    pub fn posterior(&self, log_likelihood: impl Fn(f64) -> f64) -> f64 {
+        const STEPS: i32 = 48;
+        let (low, high) = (-self.below.ln(), self.above.ln());
+        let scored: Vec<(f64, f64)> = (0..=STEPS)
+            .map(|i| {
+                let relative = (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp();
+                // The grid's measure is that of ln σ.
+                let prior = -(1.0 + relative * relative).ln() + relative.ln();
+                (self.scale * relative, prior + log_likelihood(self.scale * relative))
+            })
+            .filter(|(_, score)| score.is_finite())
+            .collect();
+        let best = scored.iter().map(|s| s.1).fold(f64::NEG_INFINITY, f64::max);
+        let (mut mass, mut moment) = (0.0, 0.0);
+        for (sigma, score) in &scored {
+            let weight = (score - best).exp();
+            mass += weight;
+            moment += weight * sigma * sigma;
+        }
+        if mass > 0.0 { (moment / mass).sqrt() } else { self.scale }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -120,7 +120,9 @@ impl Pipeline<'_> {
         }
         let results = self.refit_all(&pairs, results, &lens);
         let mut out = self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, &KnownLens::Given(lens))?;
-        super::report::amplify(&mut out, amplification.max(settled.amplification));
+        if out.fit.refinement.is_none() {
+            super::report::amplify(&mut out, amplification.max(settled.amplification));
+        }
         Ok(out)
     }
 

@@ -4,6 +4,7 @@
 //! images ([`calibrate_images`]), matches ([`calibrate_matches`]), homographies ([`calibrate_homographies`]) or circular
 //! points ([`calibrate_circular_points`]).
 
+mod joint;
 mod linear;
 mod pairs;
 mod patches;
@@ -28,9 +29,21 @@ use crate::{
     result::{Calibration, Warning},
 };
 
+/// How the camera is estimated from the motions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// Closed form and maximum likelihood of the circular points (KZR), each motion by itself.
+    Linear,
+    /// Joint refinement of camera, lens, attitudes, views and points, from there.
+    #[default]
+    Joint,
+}
+
 /// What a calibration may be told. Everything has a default.
 #[derive(Debug, Clone)]
 pub struct Options {
+    /// How the camera is estimated.
+    pub method: Method,
     /// What is assumed of the camera matrix.
     pub constraint: Constraint,
     /// The principal point in pixels where it is held, centre of its prior otherwise (default: the image centre).
@@ -47,6 +60,9 @@ pub struct Options {
     /// it, else 0.1, or 1.5 for a single motion before a background that stands still (a thing moved before a fixed camera,
     /// by an arm or by hand).
     pub attitude_sigma_deg: Option<f64>,
+    /// Relative standard deviation of each view's height over the floor from that of the others of its attitude. 0: constant
+    /// height; 0.3 and more: free. `None`: estimated. The linear method takes heights as free.
+    pub height_sigma: Option<f64>,
     /// Pairs of image indices known to be plane-normal motions; `None`: found.
     pub pairs: Option<Vec<(usize, usize)>>,
     /// Up to this many images all pairs are compared, beyond it neighbours.
@@ -70,12 +86,14 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
+            method: Method::default(),
             constraint: Constraint::Auto,
             principal_point_px: None,
             aspect: None,
             distortion: Distortion::default(),
             estimate_distortion: true,
             attitude_sigma_deg: None,
+            height_sigma: None,
             pairs: None,
             all_pairs_limit: 40,
             min_plane_matches: None,
@@ -121,6 +139,11 @@ impl Options {
             && !(sigma.is_finite() && (0.0..=20.0).contains(&sigma))
         {
             return fail(format!("attitude sigma {sigma} degrees must lie between 0 and 20"));
+        }
+        if let Some(sigma) = self.height_sigma
+            && !(sigma.is_finite() && (0.0..=10.0).contains(&sigma))
+        {
+            return fail(format!("height sigma {sigma} must lie between 0 and 10"));
         }
         let d = &self.distortion;
         if ![d.k1, d.k2, d.p1, d.p2].iter().all(|v| v.is_finite() && v.abs() <= 10.0) {

@@ -2,10 +2,15 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use super::{HELD_ATTITUDE_SIGMA_DEG, Pipeline, Stage, linear::Chosen, pairs::PairResult, unknown_lens::LensFinding};
+use super::{
+    HELD_ATTITUDE_SIGMA_DEG, Method, Pipeline, Stage, joint::Joint, linear::Chosen, pairs::PairResult,
+    unknown_lens::LensFinding,
+};
 use crate::{
     attitude::attitude_from_up,
-    camera::CameraSolution,
+    attitude_groups::AttitudeGroup,
+    bundle::SceneModel,
+    camera::{CameraSolution, check_certainty},
     circular_points::CircularPoint,
     correspondence::ImagePair,
     distortion::Distortion,
@@ -62,19 +67,35 @@ impl Pipeline<'_> {
             camera.attitude_sigma_rad = HELD_ATTITUDE_SIGMA_DEG.to_radians();
         }
         let mut solution = self.camera_of(&chosen, &camera)?;
+        let joint_options = self.bundle_options(&camera, known, &self.frame());
         // The same weights for every question asked of this solution.
         (camera.attitude_sigma_rad, camera.estimate_attitude_sigma) = (solution.attitude_sigma_rad, false);
-        if let KnownLens::Estimated(finding) = known {
+        let mut joint = None;
+        if self.options.method == Method::Joint {
+            match self.refine_jointly(pairs, results, &chosen, &solution, known, &joint_options) {
+                Ok(refined) => joint = refined,
+                Err(error) => warnings.push(Warning::NotRefined { reason: error.to_string() }),
+            }
+        }
+        let mut lens_share = 0.0;
+        if let Some(joint) = &joint {
+            check_certainty(&joint.camera_covariance(), self.options.constraint, solution.groups.len(), &self.frame())?;
+            solution = joint.solution(solution, &joint_options);
+            lens_share = joint.share_of_lens().sqrt();
+        } else if let KnownLens::Estimated(finding) = known {
             let added = self.covariance_of_lens(pairs, results, &used, finding, &camera).ok_or_else(|| {
                 Error::Numerical { stage: "lens distortion", detail: "the camera does not follow the lens".into() }
             })?;
             solution.covariance_px += added;
-            let share = (added[(0, 0)] / solution.covariance_px[(0, 0)]).sqrt();
-            let percent = 100.0 * added[(0, 0)].sqrt() / solution.intrinsics.fx;
-            if share > 0.8 && percent > 1.0 {
-                warnings
-                    .push(Warning::DistortionUncertain { percent, k1_sigma: finding.k1_sigma(&solution.intrinsics) });
-            }
+            lens_share = (added[(0, 0)] / solution.covariance_px[(0, 0)]).sqrt();
+        }
+        let lens = LensResult::new(known, joint.as_ref(), &solution);
+        let percent = 100.0 * lens_share * solution.covariance_px[(0, 0)].sqrt() / solution.intrinsics.fx;
+        if let Some(k1_sigma) = lens.k1_sigma
+            && lens_share > 0.8
+            && percent > 1.0
+        {
+            warnings.push(Warning::DistortionUncertain { percent, k1_sigma });
         }
 
         for (pair, result) in pairs.iter().zip(results) {
@@ -99,30 +120,39 @@ impl Pipeline<'_> {
                 barrel_percent: f_if(-0.05).unwrap_or(f64::INFINITY),
             });
         }
-        let mut attitudes = Vec::new();
-        for group in &solution.groups {
-            let point_sets = group.members.iter().map(|&m| used[m]).filter_map(|i| {
-                let (robust, _) = results[i].outcome.as_ref().ok()?;
-                Some((&pairs[i].matches, &robust.inliers))
-            });
-            let seen = point_sets.flat_map(|(matches, inliers)| inliers.iter().map(|&k| matches[k].a));
-            attitudes.push(Attitude::of(&group.fused.point, &solution.intrinsics, &self.frame(), seen));
-        }
+        let attitudes: Vec<Attitude> = match &joint {
+            Some(joint) => joint.bundle.groups.iter().map(|g| Attitude::from_up(g.up, &solution.intrinsics)).collect(),
+            None => {
+                let of = |group: &AttitudeGroup| {
+                    let members = group.members.iter().map(|&m| used[m]);
+                    let seen = members.flat_map(|i| results[i].inliers().iter().map(move |&k| pairs[i].matches[k].a));
+                    Attitude::of(&group.fused.point, &solution.intrinsics, &self.frame(), seen)
+                };
+                solution.groups.iter().map(of).collect()
+            }
+        };
         self.add_warnings(&mut warnings, &solution, &attitudes, used.len());
         let motion_reports = self.motion_reports(pairs, results, &chosen, &solution, &attitudes);
         let reports = solution
             .groups
             .iter()
             .zip(&attitudes)
-            .map(|(group, attitude)| AttitudeReport {
-                pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
-                roll_deg: attitude.roll_rad.to_degrees(),
-                horizon_px: attitude.horizon_px,
-                motions: group.members.iter().map(|&m| used[m]).collect(),
+            .enumerate()
+            .map(|(g, (group, attitude))| {
+                let covariance = joint.as_ref().map(|j| j.bundle.groups[g].covariance);
+                let sigma_deg = |i: usize| covariance.map(|c| c[(i, i)].max(0.0).sqrt().to_degrees());
+                AttitudeReport {
+                    pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
+                    pitch_down_sigma_deg: sigma_deg(0),
+                    roll_deg: attitude.roll_rad.to_degrees(),
+                    roll_sigma_deg: sigma_deg(1),
+                    horizon_px: attitude.horizon_px,
+                    motions: group.members.iter().map(|&m| used[m]).collect(),
+                }
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        Ok(self.assemble(&solution, known, reports, motion_reports, &warnings))
+        Ok(self.assemble(&solution, joint.as_ref(), &lens, reports, motion_reports, &warnings))
     }
 
     fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
@@ -235,28 +265,20 @@ impl Pipeline<'_> {
     fn assemble(
         &self,
         s: &CameraSolution,
-        known: &KnownLens,
+        joint: Option<&Joint>,
+        lens: &LensResult,
         attitudes: Vec<AttitudeReport>,
         motions: Vec<MotionReport>,
         warnings: &[Warning],
     ) -> Calibration {
         let k = &s.intrinsics;
         let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
-        let ln_f_sigma = s.covariance_px[(0, 0)].max(0.0).sqrt() / k.fx;
-        let (source, d, k1_sigma, k2_sigma) = match known {
-            KnownLens::NotModelled => ("not modelled", Distortion::default(), None, None),
-            KnownLens::Given(lens) => ("given", lens.distortion, None, None),
-            KnownLens::Estimated(finding) => {
-                let lens = finding.lens().map(|l| l.with_focal_length(k.fx));
-                let d = lens.map_or(Distortion::default(), |l| l.distortion);
-                (
-                    "estimated",
-                    d,
-                    // The residuals see k1 / f² and k2 / f⁴: what is unknown of f adds.
-                    Some(finding.k1_sigma(k).hypot(2.0 * d.k1 * ln_f_sigma)),
-                    Some(finding.k2_sigma(k).hypot(4.0 * d.k2 * ln_f_sigma)),
-                )
-            }
+        let d = &lens.distortion;
+        let covariance = |r: usize, c: usize| match joint {
+            Some(joint) => joint.covariance_px[(r, c)],
+            None if r < 5 && c < 5 => s.covariance_px[(r, c)],
+            None if r == c => [lens.k1_sigma, lens.k2_sigma][r - 5].map_or(0.0, |v| v * v),
+            None => 0.0,
         };
         Calibration {
             format_version: 1,
@@ -270,7 +292,7 @@ impl Pipeline<'_> {
                 skew: k.skew,
                 distortion: DistortionReport {
                     model: if d.is_none() { "none" } else { "radtan" },
-                    source,
+                    source: lens.source,
                     k1: d.k1,
                     k2: d.k2,
                     p1: d.p1,
@@ -283,15 +305,19 @@ impl Pipeline<'_> {
                 cx: sd(2),
                 cy: sd(3),
                 skew: sd(4),
-                k1: k1_sigma,
-                k2: k2_sigma,
+                k1: lens.k1_sigma,
+                k2: lens.k2_sigma,
             },
             covariance: Covariance {
-                parameters: ["fx", "fy", "cx", "cy", "skew"],
-                matrix: std::array::from_fn(|r| std::array::from_fn(|c| s.covariance_px[(r, c)])),
+                parameters: ["fx", "fy", "cx", "cy", "skew", "k1", "k2"],
+                matrix: std::array::from_fn(|r| std::array::from_fn(|c| covariance(r, c))),
             },
             constraint: self.options.constraint.name().to_string(),
-            method: "linear (Knight, Zisserman & Reid 2003), weighted",
+            method: if joint.is_some() { "joint" } else { "linear" },
+            scene: joint.map(|j| match j.bundle.scene {
+                SceneModel::Floor => "floor",
+                SceneModel::Directions => "directions",
+            }),
             priors: s
                 .priors
                 .iter()
@@ -310,7 +336,10 @@ impl Pipeline<'_> {
                 degrees_of_freedom: s.degrees_of_freedom,
                 variance_inflation: s.variance_inflation,
                 distortion_amplification: 1.0,
+                refinement: joint.map(Joint::report),
             },
+            views: joint.map_or(Vec::new(), |j| self.view_reports(j)),
+            height_sigma: joint.map(|j| j.bundle.height_sigma.sigma).filter(|_| joint.is_some_and(|j| j.bundle.scene == SceneModel::Floor)),
             attitudes,
             motions,
             warnings: warnings.iter().map(Warning::report).collect(),
@@ -335,10 +364,45 @@ pub(super) fn amplify(c: &mut Calibration, factor: f64) {
     }
 }
 
+/// The lens as it is reported.
+struct LensResult {
+    source: &'static str,
+    distortion: Distortion,
+    k1_sigma: Option<f64>,
+    k2_sigma: Option<f64>,
+}
+
+impl LensResult {
+    fn new(known: &KnownLens, joint: Option<&Joint>, s: &CameraSolution) -> Self {
+        let held = |source, distortion| Self { source, distortion, k1_sigma: None, k2_sigma: None };
+        match (known, joint) {
+            (KnownLens::NotModelled, _) => held("not modelled", Distortion::default()),
+            (KnownLens::Given(lens), _) => held("given", lens.distortion),
+            (KnownLens::Estimated(_), Some(joint)) => {
+                let sigma = |i: usize| Some(joint.covariance_px[(i, i)].max(0.0).sqrt());
+                Self { source: "estimated", distortion: joint.distortion, k1_sigma: sigma(5), k2_sigma: sigma(6) }
+            }
+            (KnownLens::Estimated(finding), None) => {
+                let k = &s.intrinsics;
+                let ln_f_sigma = s.covariance_px[(0, 0)].max(0.0).sqrt() / k.fx;
+                let lens = finding.lens().map(|l| l.with_focal_length(k.fx));
+                let d = lens.map_or(Distortion::default(), |l| l.distortion);
+                Self {
+                    source: "estimated",
+                    distortion: d,
+                    // The residuals see k1 / f² and k2 / f⁴: what is unknown of f adds.
+                    k1_sigma: Some(finding.k1_sigma(k).hypot(2.0 * d.k1 * ln_f_sigma)),
+                    k2_sigma: Some(finding.k2_sigma(k).hypot(4.0 * d.k2 * ln_f_sigma)),
+                }
+            }
+        }
+    }
+}
+
 /// The floor's normal in the camera frame.
-struct Attitude {
-    pitch_down_rad: f64,
-    roll_rad: f64,
+pub(super) struct Attitude {
+    pub(super) pitch_down_rad: f64,
+    pub(super) roll_rad: f64,
     horizon_px: Option<[f64; 3]>,
     up: Vector3<f64>,
 }
@@ -347,7 +411,12 @@ impl Attitude {
     /// From a circular point (frame coordinates): the normal is the cross product of the real and imaginary part of
     /// K⁻¹e. It points up: away from the points seen on the floor, or, when points lie on both sides of the horizon (a
     /// scene at infinity), to the top of the image.
-    fn of(point: &CircularPoint, k: &Intrinsics, frame: &Frame, seen: impl Iterator<Item = Vector2<f64>>) -> Self {
+    pub(super) fn of(
+        point: &CircularPoint,
+        k: &Intrinsics,
+        frame: &Frame,
+        seen: impl Iterator<Item = Vector2<f64>>,
+    ) -> Self {
         let mut up = normal_of(point, k, frame);
         let (mut below, mut above) = (0usize, 0usize);
         for p in seen {
@@ -362,6 +431,11 @@ impl Attitude {
         if turn_over {
             up = -up;
         }
+        Self::from_up(up, k)
+    }
+
+    /// From the unit normal itself.
+    fn from_up(up: Vector3<f64>, k: &Intrinsics) -> Self {
         let line = k.inverse_matrix().transpose() * up;
         let length = line.xy().norm();
         let (pitch_down_rad, roll_rad) = attitude_from_up(&up);

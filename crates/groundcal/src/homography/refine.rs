@@ -197,6 +197,7 @@ struct GoldStandard<'a> {
 
 impl LeastSquares for GoldStandard<'_> {
     type State = Matrix3<f64>;
+    type Linearised = NormalEquations;
 
     fn cost(&self, h: &Self::State) -> Option<f64> {
         let mut cost = 0.0;
@@ -207,7 +208,7 @@ impl LeastSquares for GoldStandard<'_> {
         Some(cost)
     }
 
-    fn normal_equations(&self, h: &Self::State) -> Option<NormalEquations> {
+    fn linearise(&self, h: &Self::State) -> Option<NormalEquations> {
         let (cost, gradient, information) = accumulate(h, self.matches, self.weights)?;
         let tangent = sphere_tangent(&rows_of(h));
         let reduced = tangent.transpose() * information * tangent;
@@ -292,12 +293,12 @@ pub fn refine(
     };
     let problem = GoldStandard { matches: &local, weights: None };
     let out = minimise(&problem, start, &options.lm).ok_or_else(|| degenerate(spread))?;
-    let (values, _) = symmetric_eigen(&out.information)
+    let (values, _) = symmetric_eigen(&out.linearised.information)
         .ok_or_else(|| Error::Numerical { stage: "homography", detail: "information matrix not finite".into() })?;
     if values[0] <= 1e-12 * values[7] {
         return Err(degenerate((values[0].max(0.0) / values[7]).sqrt()));
     }
-    let inverse = inverse_spd(&out.information).ok_or_else(|| degenerate((values[0] / values[7]).sqrt()))?;
+    let inverse = inverse_spd(&out.linearised.information).ok_or_else(|| degenerate((values[0] / values[7]).sqrt()))?;
 
     let scale_sq = frame.scale_px * frame.scale_px;
     let squared_px = 2.0 * out.cost * scale_sq;

@@ -1,0 +1,472 @@
+//! Joint refinement of camera, lens, attitudes, views and points: planar bundle adjustment.
+//!
+//! ```text
+//! minimise   Σ_tracks Σ_views ρ( |x_vt - π(K, k, A_g, δ_v, ψ_v, c_v, q_t)|²_Λ )
+//!          + Σ_v |δ_v|² / σ_a²  +  Σ_v (ln h_v - ln h_g)² / σ_h²  +  Σ_i (p_i - p̄_i)² / σ_i²
+//! ```
+//!
+//! with π of [`model`], Huber's ρ, Λ the inverse covariance of an observation. σ_a, how far each view's attitude strays from that
+//! of its group, and σ_h, how far its height does, are variance components: 0 for exact plane-normal motion at constant height
+//! (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
+//! likelihood. The points are eliminated ([`problem`]); what is left is sparse ([`skyline`]).
+
+pub mod model;
+pub mod problem;
+pub mod skyline;
+pub mod start;
+pub mod tracks;
+
+use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, Vector2, Vector3};
+
+use crate::{
+    attitude::{angles_from_rotation, attitude_from_up},
+    error::Error,
+    frame::Frame,
+    levenberg_marquardt::{LmOptions, StopReason, minimise},
+    linalg::{inverse_spd, symmetric_eigen},
+    statistics::{VarianceComponent, chi_squared_survival},
+};
+
+pub use model::{CAMERA, CameraVector, GroupState, SceneModel, ViewState};
+pub use problem::State;
+use problem::{Ingredients, Layout, Problem, STIFF};
+pub use skyline::SkylineCholesky;
+pub use tracks::{Observation, Track};
+
+/// Options of [`adjust`].
+#[derive(Debug, Clone, Copy)]
+pub struct BundleOptions {
+    /// Which of (ln fx, ln fy/fx, cx, cy, skew, k1, k2) are estimated.
+    pub free: [bool; CAMERA],
+    /// Priors (mean, standard deviation) of the same, frame units.
+    pub priors: [Option<(f64, f64)>; CAMERA],
+    /// p1 and p2 of the lens, held.
+    pub tangential: [f64; 2],
+    /// σ_a in radians, about each of two axes; `None`: estimated where enough views tell it, else its scale.
+    pub attitude_sigma_rad: Option<f64>,
+    /// Scale of the half-Cauchy prior of σ_a, radians.
+    pub attitude_scale_rad: f64,
+    /// σ_h, relative; `None`: estimated.
+    pub height_sigma: Option<f64>,
+    /// Residuals beyond this many standard deviations count less.
+    pub huber: f64,
+    /// Mean squared residual of what an earlier cut at some number of deviations left, over that of all (1: nothing was cut).
+    pub kept_variance: f64,
+    /// The loop.
+    pub lm: LmOptions,
+}
+
+impl Default for BundleOptions {
+    fn default() -> Self {
+        Self {
+            free: [true, true, true, true, false, true, true],
+            priors: [None; CAMERA],
+            tangential: [0.0; 2],
+            attitude_sigma_rad: None,
+            attitude_scale_rad: 0.1f64.to_radians(),
+            height_sigma: None,
+            huber: 3.0,
+            kept_variance: 1.0,
+            lm: LmOptions { max_iterations: 60, relative_cost_tolerance: 1e-7, step_tolerance: 1e-13 },
+        }
+    }
+}
+
+/// An attitude group's result.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroupEstimate {
+    /// Pitch (down) and roll, radians.
+    pub pitch_roll_rad: [f64; 2],
+    /// Their covariance.
+    pub covariance: Matrix2<f64>,
+    /// The floor's upward normal in camera coordinates.
+    pub up: Vector3<f64>,
+}
+
+/// A view's result, in a world whose origin is the floor below the first view connected to it, +X along that view's heading,
+/// unit its height.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ViewEstimate {
+    /// First view of the connected set; its own index for that view.
+    pub origin: usize,
+    /// Heading, anticlockwise from above, radians.
+    pub yaw_rad: f64,
+    /// Its standard deviation; 0 for an origin.
+    pub yaw_sigma_rad: f64,
+    /// Pitch (down) and roll of this view, radians.
+    pub pitch_roll_rad: [f64; 2],
+    /// How far its attitude strays from its group's about two level axes, radians.
+    pub delta_rad: [f64; 2],
+    /// Optical centre: x, y, height (directions: zero, zero, one).
+    pub centre: Vector3<f64>,
+    /// Standard deviations of the three.
+    pub centre_sigma: Vector3<f64>,
+    /// Root mean square of the weighted residuals of its observations (1: as expected).
+    pub weighted_rms: f64,
+    /// Observations.
+    pub observations: usize,
+}
+
+/// A variance component and where it comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Component {
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Whether the data told it.
+    pub estimated: bool,
+}
+
+/// The refined state and how sure it is.
+#[derive(Debug, Clone)]
+pub struct Bundle {
+    /// Floor or directions.
+    pub scene: SceneModel,
+    /// Everything estimated.
+    pub state: State,
+    /// Covariance of the camera's numbers, frame units; zero rows for what was held.
+    pub covariance: SMatrix<f64, CAMERA, CAMERA>,
+    /// One a group.
+    pub groups: Vec<GroupEstimate>,
+    /// One a view; `None` for views without tracks.
+    pub views: Vec<Option<ViewEstimate>>,
+    /// Deviation of the views' attitudes, radians.
+    pub attitude_sigma: Component,
+    /// Relative deviation of the views' heights.
+    pub height_sigma: Component,
+    /// Weighted squared residuals over their degrees of freedom, before the weights were scaled by it.
+    pub variance_factor: f64,
+    /// Observations (of two coordinates), tracks, columns.
+    pub counts: [usize; 3],
+    /// Degrees of freedom of the residuals.
+    pub degrees_of_freedom: f64,
+    /// How well the views' attitudes agree with σ_a: chi-squared of their deviations and its degrees of freedom.
+    pub agreement: (f64, usize),
+    /// Half the weighted squared residuals, losses and priors included.
+    pub cost: f64,
+    /// Weighted squared residual of each observation of each track.
+    pub squared_residuals: Vec<Vec<f64>>,
+    /// Steps tried, over all rounds.
+    pub iterations: usize,
+    /// Why the last loop ended.
+    pub stop: StopReason,
+}
+
+/// Scale of the half-Cauchy prior of σ_h: a tripod or a robot on a floor keeps its height to about this.
+const HEIGHT_SCALE: f64 = 1e-3;
+/// Directions in which the data must see a variance component before they decide it.
+const MIN_DIRECTIONS: usize = 4;
+/// Probability below which the attitudes' disagreement is not put down to chance.
+pub const DISAGREEMENT_P: f64 = 0.01;
+/// Rounds of estimation of weights and variance components.
+const ROUNDS: usize = 5;
+
+/// Refines a state. `group_of_view` has one entry a view of the tracks.
+///
+/// # Errors
+/// [`Error::Numerical`] when the start is outside the model or the information is singular.
+pub fn adjust(
+    scene: SceneModel,
+    frame: &Frame,
+    tracks: &[Track],
+    start: State,
+    options: &BundleOptions,
+) -> Result<Bundle, Error> {
+    let failed = |detail: &str| Error::Numerical { stage: "joint refinement", detail: detail.into() };
+    let group_of_view: Vec<usize> = start.views.iter().map(|v| v.group).collect();
+    let mut problem = Problem::new(&Ingredients {
+        scene,
+        frame,
+        tracks,
+        group_of_view: &group_of_view,
+        free: options.free,
+        camera_priors: options.priors,
+        tangential: options.tangential,
+        huber: options.huber,
+    });
+    let mut state = start;
+    problem.hold_origins(&mut state);
+    state.points = problem.points_from_first_views(&state).ok_or_else(|| failed("a point has no ray"))?;
+    let mut attitude_sigma =
+        Component { sigma: options.attitude_sigma_rad.unwrap_or(options.attitude_scale_rad), estimated: false };
+    let mut height_sigma = Component { sigma: options.height_sigma.unwrap_or(1.0), estimated: false };
+    let mut iterations = 0;
+    let mut round = 0;
+    loop {
+        round += 1;
+        (problem.attitude_sigma_rad, problem.height_sigma) = (attitude_sigma.sigma, height_sigma.sigma);
+        let out = minimise(&problem, state, &options.lm).ok_or_else(|| failed("the start is outside the model"))?;
+        iterations += out.iterations;
+        let factor = out.linearised.information.cholesky(0.0).ok_or_else(|| failed("the information is singular"))?;
+        let (variance, degrees_of_freedom) = variance_factor(&problem, &out.state, &factor, options.kept_variance)
+            .ok_or_else(|| failed("the solution is outside the model"))?;
+        let deltas = Deviations::of_attitudes(&problem, &out.state, &factor, problem.attitude_sigma_rad);
+        let heights = Deviations::of_heights(&problem, &out.state, &factor, problem.height_sigma);
+        let mut settled = (variance - 1.0).abs() < 0.02;
+        let agreement = deltas.as_ref().map_or((0.0, 0), |d| d.agreement(attitude_sigma.sigma));
+        if options.attitude_sigma_rad.is_none()
+            && let Some(d) = &deltas
+        {
+            let next = d.attitude_component(options.attitude_scale_rad, agreement);
+            settled &= (next.sigma / attitude_sigma.sigma).ln().abs() < 0.05;
+            attitude_sigma = next;
+        }
+        if options.height_sigma.is_none()
+            && let Some(h) = &heights
+        {
+            let component = VarianceComponent { scale: HEIGHT_SCALE, below: 30.0, above: 1000.0 };
+            let next = Component { sigma: component.posterior(|s| h.log_likelihood(s)), estimated: true };
+            settled &= (next.sigma / height_sigma.sigma).ln().abs() < 0.05;
+            height_sigma = next;
+        }
+        if settled || round == ROUNDS {
+            let solution = Solution { problem: &problem, state: &out.state, factor: &factor };
+            let squared_residuals =
+                problem.squared_residuals(&out.state).ok_or_else(|| failed("the solution is outside the model"))?;
+            // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
+            let student = if degrees_of_freedom > 4.0 { degrees_of_freedom / (degrees_of_freedom - 2.0) } else { 2.0 };
+            let unexplained = options.attitude_sigma_rad.is_some().then(|| disagreement(agreement)).unwrap_or(1.0);
+            let widened = student * unexplained;
+            let origin_of = problem::components_of(group_of_view.len(), tracks);
+            return Ok(Bundle {
+                scene,
+                covariance: solution.camera_covariance() * widened,
+                groups: solution.groups(widened),
+                views: solution.views(&origin_of, tracks, &squared_residuals, widened),
+                attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..attitude_sigma },
+                height_sigma: Component { sigma: problem.height_sigma, ..height_sigma },
+                variance_factor: variance / problem.weight,
+                counts: [problem.observations(), problem.tracks(), problem.layout.size],
+                degrees_of_freedom,
+                agreement,
+                cost: out.cost,
+                squared_residuals,
+                iterations,
+                stop: out.stop,
+                state: out.state,
+            });
+        }
+        problem.weight = (problem.weight / variance).clamp(1e-6, 25.0);
+        state = out.state;
+    }
+}
+
+/// By how much the variances grow because the attitudes disagree with a σ_a that was given.
+pub fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {
+    if chi_squared_survival(chi_squared, degrees_of_freedom) < DISAGREEMENT_P {
+        chi_squared / degrees_of_freedom as f64
+    } else {
+        1.0
+    }
+}
+
+/// Mean squared weighted residual per degree of freedom, and these: two a observation less two a track less the columns, of
+/// which those with priors count by how much the data decide them.
+fn variance_factor(problem: &Problem, state: &State, factor: &SkylineCholesky, kept: f64) -> Option<(f64, f64)> {
+    let residuals = problem.squared_residuals(state)?;
+    let limit = |count: usize| problem.huber_limit(count);
+    // Huber's weights: what counts less explains less.
+    let total: f64 =
+        residuals.iter().flat_map(|t| t.iter().map(|r| if *r > limit(t.len()) { (r * limit(t.len())).sqrt() } else { *r })).sum();
+    let held: f64 = problem
+        .prior_information(state)
+        .into_iter()
+        .map(|(column, information)| (information * factor.inverse_block(&[column])[(0, 0)]).min(1.0))
+        .sum();
+    let dof = 2.0 * problem.observations() as f64 - 2.0 * problem.tracks() as f64 - (problem.layout.size as f64 - held);
+    if dof < 1.0 {
+        return Some((1.0, dof.max(0.0)));
+    }
+    Some((total / (dof * kept), dof))
+}
+
+/// Deviations with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,
+/// and Q times their best values.
+struct Deviations {
+    eigenvalues: DVector<f64>,
+    /// Components of Q δ* along the eigenvectors.
+    right: DVector<f64>,
+}
+
+impl Deviations {
+    fn of_attitudes(problem: &Problem, state: &State, factor: &SkylineCholesky, sigma: f64) -> Option<Self> {
+        let columns = problem.attitude_columns();
+        let values = problem
+            .layout
+            .views
+            .iter()
+            .zip(&state.views)
+            .flat_map(|(c, v)| [(c[0], v.delta_rad[0]), (c[1], v.delta_rad[1])])
+            .filter(|(c, _)| Layout::is_free(*c))
+            .map(|(_, value)| value);
+        Self::new(factor.inverse_block(&columns), DVector::from_iterator(columns.len(), values), sigma)
+    }
+
+    fn of_heights(problem: &Problem, state: &State, factor: &SkylineCholesky, sigma: f64) -> Option<Self> {
+        let columns = problem.height_columns(state);
+        let indices: Vec<usize> = columns.iter().map(|(c, _)| *c).collect();
+        let block = factor.inverse_block(&indices);
+        let signed = DMatrix::from_fn(block.nrows(), block.ncols(), |r, c| columns[r].1 * columns[c].1 * block[(r, c)]);
+        let values = problem.height_deviations(state);
+        Self::new(signed, DVector::from_vec(values), sigma)
+    }
+
+    /// From the posterior covariance and mean under a prior of deviation `sigma`.
+    fn new(covariance: DMatrix<f64>, mean: DVector<f64>, sigma: f64) -> Option<Self> {
+        if mean.is_empty() {
+            return None;
+        }
+        let prior = 1.0 / sigma.max(STIFF).powi(2);
+        let posterior = inverse_spd(&covariance)?;
+        let information = &posterior - DMatrix::from_diagonal_element(mean.len(), mean.len(), prior);
+        let (values, vectors) = symmetric_eigen(&((&information + information.transpose()) * 0.5))?;
+        // Rounding of what the prior held.
+        let least = 1e-9 * prior;
+        Some(Self { right: vectors.tr_mul(&(posterior * mean)), eigenvalues: values.map(|v| if v > least { v } else { 0.0 }) })
+    }
+
+    /// Logarithm of the likelihood of a deviation, all else being profiled out.
+    fn log_likelihood(&self, sigma: f64) -> f64 {
+        let variance = sigma * sigma;
+        self.eigenvalues
+            .iter()
+            .zip(self.right.iter())
+            .filter(|(l, _)| **l > 0.0)
+            .map(|(l, r)| 0.5 * (variance * r * r / (1.0 + variance * l) - (variance * l).ln_1p()))
+            .sum()
+    }
+
+    /// Chi-squared of the deviations for a given variance, and its degrees of freedom.
+    fn agreement(&self, sigma: f64) -> (f64, usize) {
+        // A direction known to no better than 20 degrees says nothing.
+        let seen = self.eigenvalues.iter().zip(self.right.iter()).filter(|(l, _)| **l > 8.0);
+        seen.fold((0.0, 0), |(sum, count), (l, r)| (sum + r * r / (l * (1.0 + sigma * sigma * l)), count + 1))
+    }
+
+    fn attitude_component(&self, scale: f64, agreement: (f64, usize)) -> Component {
+        let seen = self.eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count();
+        let component = VarianceComponent { scale, below: 30.0, above: 100.0 };
+        let told = || component.posterior(|s| self.log_likelihood(s));
+        if seen >= MIN_DIRECTIONS {
+            return Component { sigma: told(), estimated: true };
+        }
+        // Few directions do not make the deviation smaller than stated, but a clear contradiction makes it larger.
+        if chi_squared_survival(agreement.0, agreement.1) < DISAGREEMENT_P {
+            return Component { sigma: told().max(scale), estimated: true };
+        }
+        Component { sigma: scale, estimated: false }
+    }
+}
+
+/// A solution from which results are read.
+struct Solution<'a> {
+    problem: &'a Problem,
+    state: &'a State,
+    factor: &'a SkylineCholesky,
+}
+
+impl Solution<'_> {
+    /// Covariance of the numbers in `columns`, zero for those held.
+    fn block<const N: usize>(&self, columns: [usize; N]) -> SMatrix<f64, N, N> {
+        let free: Vec<usize> = columns.iter().copied().filter(|c| Layout::is_free(*c)).collect();
+        let block = self.factor.inverse_block(&free);
+        let place: Vec<Option<usize>> = columns.iter().map(|c| free.iter().position(|f| f == c)).collect();
+        SMatrix::from_fn(|r, c| match (place[r], place[c]) {
+            (Some(r), Some(c)) => block[(r, c)],
+            _ => 0.0,
+        })
+    }
+
+    fn camera_covariance(&self) -> SMatrix<f64, CAMERA, CAMERA> {
+        self.block(self.problem.layout.camera)
+    }
+
+    fn groups(&self, widened: f64) -> Vec<GroupEstimate> {
+        let columns = &self.problem.layout.groups;
+        self.state
+            .groups
+            .iter()
+            .zip(columns)
+            .map(|(g, c)| {
+                let up_of = |step: [f64; 2]| g.turned(step).column(2).into_owned();
+                let angles = |step: [f64; 2]| {
+                    let (pitch, roll) = attitude_from_up(&up_of(step));
+                    Vector2::new(pitch, roll)
+                };
+                const STEP: f64 = 1e-6;
+                let by = [[STEP, 0.0], [0.0, STEP]].map(|s| {
+                    let difference = angles(s) - angles(s.map(|v| -v));
+                    difference.map(wrapped) / (2.0 * STEP)
+                });
+                let jacobian = Matrix2::from_columns(&by);
+                let at = angles([0.0; 2]);
+                GroupEstimate {
+                    pitch_roll_rad: [at.x, at.y],
+                    covariance: jacobian * self.block([c[0], c[1]]) * jacobian.transpose() * widened,
+                    up: up_of([0.0; 2]),
+                }
+            })
+            .collect()
+    }
+
+    fn views(
+        &self,
+        origin_of: &[usize],
+        tracks: &[Track],
+        squared_residuals: &[Vec<f64>],
+        widened: f64,
+    ) -> Vec<Option<ViewEstimate>> {
+        let count = self.state.views.len();
+        let (mut sums, mut counts) = (vec![0.0; count], vec![0usize; count]);
+        for (t, residuals) in tracks.iter().zip(squared_residuals) {
+            // The point takes a part of the residual with it.
+            let share = t.observations.len() as f64 / (t.observations.len() as f64 - 1.0);
+            for (o, r) in t.observations.iter().zip(residuals) {
+                sums[o.view] += 0.5 * r * share;
+                counts[o.view] += 1;
+            }
+        }
+        let pose = |v: usize| {
+            let view = &self.state.views[v];
+            model::Pose::new(SceneModel::Floor, &self.state.groups[view.group], view)
+        };
+        (0..count)
+            .map(|v| {
+                let origin = origin_of[v];
+                if counts[v] == 0 {
+                    return None;
+                }
+                let (view, at) = (&self.state.views[v], pose(v));
+                let (pitch, roll, yaw) = angles_from_rotation(&at.rotation);
+                let (_, _, heading) = angles_from_rotation(&pose(origin).rotation);
+                let (sin, cos) = heading.sin_cos();
+                let turn = Matrix2::new(cos, sin, -sin, cos);
+                let position = turn * view.position;
+                let columns = &self.problem.layout.views[v];
+                let group = &self.problem.layout.groups[view.group];
+                let height_columns = if v == origin { [usize::MAX; 2] } else { [group[2], columns[5]] };
+                let b = self.block([columns[2], columns[3], columns[4], height_columns[0], height_columns[1]]) * widened;
+                let plane = turn * b.fixed_view::<2, 2>(1, 1) * turn.transpose();
+                let height = if v == origin { 1.0 } else { at.centre().z };
+                let ln_height = b[(3, 3)] + b[(4, 4)] + 2.0 * b[(3, 4)];
+                let sd = |v: f64| v.max(0.0).sqrt();
+                Some(ViewEstimate {
+                    origin,
+                    yaw_rad: wrapped(yaw - heading),
+                    yaw_sigma_rad: sd(b[(0, 0)]),
+                    pitch_roll_rad: [pitch, roll],
+                    delta_rad: view.delta_rad,
+                    centre: Vector3::new(position.x, position.y, height),
+                    centre_sigma: Vector3::new(sd(plane[(0, 0)]), sd(plane[(1, 1)]), height * sd(ln_height)),
+                    weighted_rms: (sums[v] / counts[v] as f64).sqrt(),
+                    observations: counts[v],
+                })
+            })
+            .collect()
+    }
+}
+
+/// An angle in (-π, π].
+fn wrapped(angle: f64) -> f64 {
+    use std::f64::consts::{PI, TAU};
+    PI - (PI - angle).rem_euclid(TAU)
+}

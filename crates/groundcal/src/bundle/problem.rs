@@ -1,0 +1,729 @@
+//! The least squares problem of the joint refinement: columns of the unknowns, linearisation, elimination of the points.
+//!
+//! A track's residuals r with their derivatives J by cameras and views and P by its point are multiplied by Qᵀ of P = Q R; the
+//! rows below R do not contain the point any more and make the reduced normal equations (the Schur complement, Triggs et al.
+//! 2000, in its numerically better square-root form), the rows of R give the point back.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DVector, Matrix2, Vector2, Vector3};
+use rayon::prelude::*;
+
+use super::{
+    model::{
+        CAMERA, CameraVector, GROUP, GroupState, Pose, Projector, SLOTS, SceneModel, VIEW, ViewState,
+        project_with_derivatives, tangent_of,
+    },
+    skyline::Skyline,
+    tracks::Track,
+};
+use crate::{
+    frame::Frame,
+    levenberg_marquardt::{DampedStep, LeastSquares, Linearisation},
+};
+
+/// Everything that is estimated.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// Camera matrix and lens.
+    pub camera: CameraVector,
+    /// Attitude groups.
+    pub groups: Vec<GroupState>,
+    /// Views.
+    pub views: Vec<ViewState>,
+    /// A unit vector for each track.
+    pub points: Vec<Vector3<f64>>,
+}
+
+/// Marks what has no column: held, or without effect.
+const HELD: usize = usize::MAX;
+
+/// Where each unknown stands in the reduced equations.
+#[derive(Debug, Clone)]
+pub struct Layout {
+    /// Columns of the camera's numbers.
+    pub camera: [usize; CAMERA],
+    /// Columns of each group's.
+    pub groups: Vec<[usize; GROUP]>,
+    /// Columns of each view's.
+    pub views: Vec<[usize; VIEW]>,
+    /// Number of columns.
+    pub size: usize,
+}
+
+impl Layout {
+    /// Whether a column stands for something estimated.
+    pub fn is_free(column: usize) -> bool {
+        column != HELD
+    }
+}
+
+/// Tracks that are seen in the same views.
+#[derive(Debug, Clone)]
+struct Cluster {
+    /// Views, ascending; the observations of its tracks have the same order.
+    views: Vec<usize>,
+    tracks: Vec<usize>,
+    /// Columns of the reduced system that any of the observations depends on.
+    columns: Vec<usize>,
+    /// For each observation and slot its place in `columns`.
+    place: Vec<[usize; SLOTS]>,
+}
+
+/// An observation, ready for use.
+#[derive(Debug, Clone, Copy)]
+struct Seen {
+    pixel: Vector2<f64>,
+    /// Upper triangular root of the information: |whiten r|² = rᵀ Λ r.
+    whiten: [f64; 3],
+}
+
+/// Gaussian prior on one column: (mean, standard deviation) of the number it stands for.
+pub type Prior = (f64, f64);
+
+/// The problem.
+#[derive(Debug, Clone)]
+pub struct Problem {
+    scene: SceneModel,
+    tangential: [f64; 2],
+    seen: Vec<Vec<Seen>>,
+    clusters: Vec<Cluster>,
+    /// Columns.
+    pub layout: Layout,
+    first: Vec<usize>,
+    /// Priors of the camera's numbers.
+    pub camera_priors: [Option<Prior>; CAMERA],
+    /// Deviation of each view's attitude about each of two axes, radians.
+    pub attitude_sigma_rad: f64,
+    /// Relative deviation of each view's height from that of its group.
+    pub height_sigma: f64,
+    /// Factor on the information of each observation.
+    pub weight: f64,
+    /// Views whose height is the unit of length: 1 by definition.
+    origins: Vec<usize>,
+    /// Residuals beyond this many deviations count less (Huber).
+    huber: f64,
+}
+
+/// Least deviation of attitudes (radians) and heights (relative): what is said to be exact is held this stiffly.
+pub const STIFF: f64 = 1e-7;
+
+/// Tracks of a cluster that are worked on at once.
+const CHUNK: usize = 64;
+
+/// What a [`Problem`] is made of.
+pub struct Ingredients<'a> {
+    /// Floor or directions.
+    pub scene: SceneModel,
+    /// Frame of all coordinates.
+    pub frame: &'a Frame,
+    /// Points.
+    pub tracks: &'a [Track],
+    /// Group of each view.
+    pub group_of_view: &'a [usize],
+    /// Which of the camera's numbers are estimated; aspect held means that fy follows fx.
+    pub free: [bool; CAMERA],
+    /// Their priors.
+    pub camera_priors: [Option<Prior>; CAMERA],
+    /// p1 and p2, held.
+    pub tangential: [f64; 2],
+    /// Deviation of residuals beyond which they count less.
+    pub huber: f64,
+}
+
+impl Problem {
+    /// Orders the unknowns and prepares the observations.
+    pub fn new(i: &Ingredients<'_>) -> Self {
+        let views = i.group_of_view.len();
+        let components = components_of(views, i.tracks);
+        let (layout, origins) = lay_out(i, &components);
+        let scale = i.frame.scale_px;
+        let seen = i
+            .tracks
+            .iter()
+            .map(|t| {
+                t.observations
+                    .iter()
+                    .map(|o| Seen { pixel: i.frame.from_pixel(&o.pixel), whiten: root(&(o.information * scale * scale)) })
+                    .collect()
+            })
+            .collect();
+        let clusters = cluster(i, &layout, &origins);
+        let mut first: Vec<usize> = (0..layout.size).collect();
+        for c in &clusters {
+            let least = c.columns.iter().copied().min().unwrap_or(0);
+            for &column in &c.columns {
+                first[column] = first[column].min(least);
+            }
+        }
+        Self {
+            scene: i.scene,
+            tangential: i.tangential,
+            seen,
+            clusters,
+            layout,
+            first,
+            camera_priors: i.camera_priors,
+            attitude_sigma_rad: STIFF,
+            height_sigma: 1.0,
+            weight: 1.0,
+            origins,
+            huber: i.huber,
+        }
+    }
+
+    /// Observations.
+    pub fn observations(&self) -> usize {
+        self.seen.iter().map(Vec::len).sum()
+    }
+
+    /// Tracks.
+    pub fn tracks(&self) -> usize {
+        self.seen.len()
+    }
+
+    /// Views that are the unit of length of what is connected to them.
+    pub fn origins(&self) -> &[usize] {
+        &self.origins
+    }
+
+    fn projector(&self, state: &State) -> Projector {
+        Projector::new(&state.camera, self.tangential)
+    }
+
+    fn poses(&self, state: &State) -> Vec<Pose> {
+        state.views.iter().map(|v| Pose::new(self.scene, &state.groups[v.group], v)).collect()
+    }
+
+    /// Gives the origins the height 1, whatever that of their groups.
+    pub fn hold_origins(&self, state: &mut State) {
+        for &v in &self.origins {
+            state.views[v].ln_height_ratio = -state.groups[state.views[v].group].ln_height;
+        }
+    }
+
+    /// Points as the first view of each track sees them; `None` where the lens folds over.
+    pub fn points_from_first_views(&self, state: &State) -> Option<Vec<Vector3<f64>>> {
+        let (projector, poses) = (self.projector(state), self.poses(state));
+        let mut points = vec![Vector3::z(); self.seen.len()];
+        for c in &self.clusters {
+            for &t in &c.tracks {
+                points[t] = poses[c.views[0]].back_project(&projector.ray(&self.seen[t][0].pixel)?);
+            }
+        }
+        Some(points)
+    }
+
+    /// Every prior as (column, sign, value, deviation): what `sign` times the column's step adds to.
+    fn priors(&self, state: &State) -> Vec<(usize, f64, f64, f64)> {
+        let mut out = Vec::new();
+        for (k, prior) in self.camera_priors.iter().enumerate() {
+            if let Some((mean, sigma)) = prior
+                && Layout::is_free(self.layout.camera[k])
+            {
+                out.push((self.layout.camera[k], 1.0, state.camera[k] - mean, *sigma));
+            }
+        }
+        let attitude = self.attitude_sigma_rad.max(STIFF);
+        let height = self.height_sigma.max(STIFF);
+        for (v, columns) in self.layout.views.iter().enumerate() {
+            let view = &state.views[v];
+            for axis in 0..2 {
+                if Layout::is_free(columns[axis]) {
+                    out.push((columns[axis], 1.0, view.delta_rad[axis], attitude));
+                }
+            }
+            if Layout::is_free(columns[5]) {
+                out.push((columns[5], 1.0, view.ln_height_ratio, height));
+            }
+        }
+        // The height of an origin is 1: what it strays from its group's is what the group's is away from 1.
+        for &v in &self.origins {
+            let g = state.views[v].group;
+            let column = self.layout.groups[g][2];
+            if self.scene == SceneModel::Floor && Layout::is_free(column) {
+                out.push((column, -1.0, -state.groups[g].ln_height, height));
+            }
+        }
+        out
+    }
+
+    /// Columns of the views' attitude errors.
+    pub fn attitude_columns(&self) -> Vec<usize> {
+        self.layout.views.iter().flat_map(|c| [c[0], c[1]]).filter(|c| Layout::is_free(*c)).collect()
+    }
+
+    /// Columns of the heights' deviations, with the sign in which they count.
+    pub fn height_columns(&self, state: &State) -> Vec<(usize, f64)> {
+        if self.scene == SceneModel::Directions {
+            return Vec::new();
+        }
+        let own = self.layout.views.iter().map(|c| (c[5], 1.0));
+        let origins = self.origins.iter().map(|&v| (self.layout.groups[state.views[v].group][2], -1.0));
+        own.chain(origins).filter(|(c, _)| Layout::is_free(*c)).collect()
+    }
+
+    /// Information of the priors by column.
+    pub fn prior_information(&self, state: &State) -> Vec<(usize, f64)> {
+        self.priors(state).into_iter().map(|(c, _, _, sigma)| (c, 1.0 / (sigma * sigma))).collect()
+    }
+
+    /// Weighted squared residual of each observation of each track (weights of the loss not applied).
+    pub fn squared_residuals(&self, state: &State) -> Option<Vec<Vec<f64>>> {
+        let (projector, poses) = (self.projector(state), self.poses(state));
+        let mut out: Vec<Vec<f64>> = vec![Vec::new(); self.seen.len()];
+        for c in &self.clusters {
+            for &t in &c.tracks {
+                for (s, &v) in self.seen[t].iter().zip(&c.views) {
+                    let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
+                    out[t].push(self.weight * whitened(s, &(pixel - s.pixel)).norm_squared());
+                }
+            }
+        }
+        Some(out)
+    }
+
+    /// Deviations of the heights, in the order of [`Self::height_columns`].
+    pub fn height_deviations(&self, state: &State) -> Vec<f64> {
+        let own = self.layout.views.iter().zip(&state.views).map(|(c, v)| (c[5], v.ln_height_ratio));
+        let origins = self.origins.iter().map(|&v| {
+            let g = state.views[v].group;
+            (self.layout.groups[g][2], -state.groups[g].ln_height)
+        });
+        own.chain(origins).filter(|(c, _)| Layout::is_free(*c)).map(|(_, value)| value).collect()
+    }
+
+    /// Huber's threshold, squared, for the residual of one of `count` observations of a track: the point follows them.
+    pub fn huber_limit(&self, count: usize) -> f64 {
+        self.huber * self.huber * (count as f64 - 1.0) / count as f64
+    }
+}
+
+/// Loss and weight of a squared residual (Huber 1964).
+fn huber(squared: f64, limit: f64) -> (f64, f64) {
+    if squared <= limit {
+        return (squared, 1.0);
+    }
+    let size = (squared * limit).sqrt();
+    (2.0 * size - limit, (limit / squared).sqrt())
+}
+
+fn whitened(s: &Seen, r: &Vector2<f64>) -> Vector2<f64> {
+    Vector2::new(s.whiten[0] * r.x + s.whiten[1] * r.y, s.whiten[2] * r.y)
+}
+
+/// Upper triangular U with UᵀU = m.
+fn root(m: &Matrix2<f64>) -> [f64; 3] {
+    let a = m[(0, 0)].max(f64::MIN_POSITIVE).sqrt();
+    let b = m[(0, 1)] / a;
+    [a, b, (m[(1, 1)] - b * b).max(0.0).sqrt()]
+}
+
+/// The component (set of views that tracks connect) of each view, numbered by first view.
+pub fn components_of(views: usize, tracks: &[Track]) -> Vec<usize> {
+    let mut label: Vec<usize> = (0..views).collect();
+    fn find(label: &mut [usize], mut v: usize) -> usize {
+        while label[v] != v {
+            label[v] = label[label[v]];
+            v = label[v];
+        }
+        v
+    }
+    for t in tracks {
+        let root = find(&mut label, t.observations[0].view);
+        for o in &t.observations[1..] {
+            let other = find(&mut label, o.view);
+            let (low, high) = (find(&mut label, root).min(other), find(&mut label, root).max(other));
+            label[high] = low;
+        }
+    }
+    (0..views).map(|v| find(&mut label, v)).collect()
+}
+
+/// Views of each component in breadth-first order, its groups after it, the camera last: neighbours stay near the diagonal.
+fn lay_out(i: &Ingredients<'_>, components: &[usize]) -> (Layout, Vec<usize>) {
+    let count = i.group_of_view.len();
+    let mut neighbours: Vec<std::collections::BTreeSet<usize>> = vec![Default::default(); count];
+    for t in i.tracks {
+        for pair in t.observations.windows(2) {
+            neighbours[pair[0].view].insert(pair[1].view);
+            neighbours[pair[1].view].insert(pair[0].view);
+        }
+    }
+    let groups = i.group_of_view.iter().max().map_or(0, |g| g + 1);
+    let mut layout = Layout {
+        camera: [HELD; CAMERA],
+        groups: vec![[HELD; GROUP]; groups],
+        views: vec![[HELD; VIEW]; count],
+        size: 0,
+    };
+    let mut next = 0;
+    let mut take = |slot: &mut usize| {
+        *slot = next;
+        next += 1;
+    };
+    let floor = i.scene == SceneModel::Floor;
+    let members = |g: usize| i.group_of_view.iter().filter(|&&h| h == g).count();
+    let mut origins = Vec::new();
+    let mut placed_views = vec![false; count];
+    let mut placed_groups = vec![false; groups];
+    for root in 0..count {
+        if components[root] != root || neighbours[root].is_empty() {
+            continue;
+        }
+        origins.push(root);
+        let mut queue = std::collections::VecDeque::from([root]);
+        placed_views[root] = true;
+        let mut order = Vec::new();
+        while let Some(v) = queue.pop_front() {
+            order.push(v);
+            for &n in &neighbours[v] {
+                if !placed_views[n] {
+                    placed_views[n] = true;
+                    queue.push_back(n);
+                }
+            }
+        }
+        // Directions have no up of their own: unless two views share an attitude, any rotation of the world will do.
+        let has_axis = floor || order.iter().any(|&v| members(i.group_of_view[v]) > 1);
+        for &v in &order {
+            let columns = &mut layout.views[v];
+            if members(i.group_of_view[v]) > 1 || floor {
+                take(&mut columns[0]);
+                take(&mut columns[1]);
+            }
+            if v != root {
+                take(&mut columns[2]);
+                if floor {
+                    take(&mut columns[3]);
+                    take(&mut columns[4]);
+                    take(&mut columns[5]);
+                }
+            }
+        }
+        for &v in &order {
+            let g = i.group_of_view[v];
+            if std::mem::replace(&mut placed_groups[g], true) {
+                continue;
+            }
+            let held = v == root && !has_axis;
+            if !held {
+                take(&mut layout.groups[g][0]);
+                take(&mut layout.groups[g][1]);
+            }
+            if floor {
+                take(&mut layout.groups[g][2]);
+            }
+        }
+    }
+    for (k, free) in i.free.iter().enumerate() {
+        if *free {
+            take(&mut layout.camera[k]);
+        }
+    }
+    layout.size = next;
+    (layout, origins)
+}
+
+fn cluster(i: &Ingredients<'_>, layout: &Layout, origins: &[usize]) -> Vec<Cluster> {
+    let mut by_views: BTreeMap<Vec<usize>, Vec<usize>> = BTreeMap::new();
+    for (t, track) in i.tracks.iter().enumerate() {
+        by_views.entry(track.observations.iter().map(|o| o.view).collect()).or_default().push(t);
+    }
+    by_views
+        .into_iter()
+        .map(|(views, tracks)| {
+            let slots: Vec<[usize; SLOTS]> = views
+                .iter()
+                .map(|&v| {
+                    let mut slots = [HELD; SLOTS];
+                    slots[..CAMERA].copy_from_slice(&layout.camera);
+                    slots[CAMERA..CAMERA + GROUP].copy_from_slice(&layout.groups[i.group_of_view[v]]);
+                    slots[CAMERA + GROUP..].copy_from_slice(&layout.views[v]);
+                    if origins.contains(&v) {
+                        // Its height is 1 whatever that of its group.
+                        slots[CAMERA + 2] = HELD;
+                    }
+                    slots
+                })
+                .collect();
+            let columns: Vec<usize> = slots
+                .iter()
+                .flatten()
+                .copied()
+                .filter(|c| *c != HELD)
+                .collect::<std::collections::BTreeSet<_>>()
+                .into_iter()
+                .collect();
+            let place = slots
+                .iter()
+                .map(|s| s.map(|c| if c == HELD { HELD } else { columns.partition_point(|d| *d < c) }))
+                .collect();
+            Cluster { views, tracks, columns, place }
+        })
+        .collect()
+}
+
+/// What gives a track's point back once the cameras' step is known.
+struct Elimination {
+    track: usize,
+    /// R, upper triangular: (0,0), (0,1), (1,1).
+    r: [f64; 3],
+    /// Qᵀ r, the first two rows.
+    right: [f64; 2],
+}
+
+/// A chunk's part of the reduced equations.
+struct Part {
+    cluster: usize,
+    cost: f64,
+    /// Half the squared residual that the points alone take away.
+    by_points: f64,
+    /// Lower triangle by rows.
+    information: Vec<f64>,
+    gradient: Vec<f64>,
+    eliminations: Vec<Elimination>,
+    /// Two rows of Qᵀ J a track, one after the other.
+    rows: Vec<f64>,
+}
+
+/// The problem linearised, points eliminated.
+pub struct Reduced {
+    cost: f64,
+    by_points: f64,
+    /// Information of the columns.
+    pub information: Skyline,
+    gradient: DVector<f64>,
+    parts: Vec<Part>,
+    columns: Vec<Vec<usize>>,
+    points: usize,
+}
+
+impl Linearisation for Reduced {
+    fn cost(&self) -> f64 {
+        self.cost
+    }
+
+    fn solve(&self, lambda: f64) -> Option<DampedStep> {
+        let n = self.information.size();
+        let step = self.information.cholesky(lambda)?.solve(&(-&self.gradient));
+        let predicted_decrease =
+            self.by_points - self.gradient.dot(&step) - 0.5 * step.dot(&self.information.product(&step));
+        let mut all = DVector::zeros(n + 2 * self.points);
+        all.rows_mut(0, n).copy_from(&step);
+        for part in &self.parts {
+            let columns = &self.columns[part.cluster];
+            let local: Vec<f64> = columns.iter().map(|&c| step[c]).collect();
+            for (e, rows) in part.eliminations.iter().zip(part.rows.chunks_exact(2 * columns.len())) {
+                let (first, second) = rows.split_at(columns.len());
+                let along = |row: &[f64]| -> f64 { row.iter().zip(&local).map(|(a, b)| a * b).sum() };
+                let (u, v) = (-(e.right[0] + along(first)), -(e.right[1] + along(second)));
+                let b = v / e.r[2];
+                all[n + 2 * e.track] = (u - e.r[1] * b) / e.r[0];
+                all[n + 2 * e.track + 1] = b;
+            }
+        }
+        Some(DampedStep { step: all, predicted_decrease })
+    }
+}
+
+impl Problem {
+    fn part(&self, cluster: usize, tracks: &[usize], state: &State, projector: &Projector, poses: &[Pose]) -> Option<Part> {
+        let c = &self.clusters[cluster];
+        let (m, n) = (c.views.len(), c.columns.len());
+        let width = n + 3; // J, P, r
+        let mut part = Part {
+            cluster,
+            cost: 0.0,
+            by_points: 0.0,
+            information: vec![0.0; n * (n + 1) / 2],
+            gradient: vec![0.0; n],
+            eliminations: Vec::with_capacity(tracks.len()),
+            rows: Vec::with_capacity(2 * n * tracks.len()),
+        };
+        let limit = self.huber_limit(m);
+        let mut rows = vec![0.0; 2 * m * width];
+        let mut scratch = Vec::new();
+        for &t in tracks {
+            rows.fill(0.0);
+            let q = &state.points[t];
+            let tangent = tangent_of(q);
+            for (o, (s, &v)) in self.seen[t].iter().zip(&c.views).enumerate() {
+                let p = project_with_derivatives(projector, &poses[v], q)?;
+                let r = whitened(s, &(p.pixel - s.pixel));
+                let (loss, loss_weight) = huber(self.weight * r.norm_squared(), limit);
+                part.cost += 0.5 * loss;
+                let w = (self.weight * loss_weight).sqrt();
+                let [a, b, d] = s.whiten.map(|u| u * w);
+                let (top, bottom) = rows[2 * o * width..(2 * o + 2) * width].split_at_mut(width);
+                for (slot, &at) in c.place[o].iter().enumerate() {
+                    if at != HELD {
+                        let (x, y) = (p.by_slots[(0, slot)], p.by_slots[(1, slot)]);
+                        top[at] += a * x + b * y;
+                        bottom[at] += d * y;
+                    }
+                }
+                for (k, direction) in tangent.iter().enumerate() {
+                    let by = p.by_point * direction;
+                    top[n + k] = a * by.x + b * by.y;
+                    bottom[n + k] = d * by.y;
+                }
+                (top[n + 2], bottom[n + 2]) = (r.x * w, r.y * w);
+            }
+            let e = eliminate(&mut rows, width, n, &mut scratch)?;
+            part.by_points += 0.5 * (e[3] * e[3] + e[4] * e[4]);
+            part.eliminations.push(Elimination { track: t, r: [e[0], e[1], e[2]], right: [e[3], e[4]] });
+            part.rows.extend_from_slice(&rows[..n]);
+            part.rows.extend_from_slice(&rows[width..width + n]);
+            for row in rows.chunks_exact(width).skip(2) {
+                let (j, r) = (&row[..n], row[n + 2]);
+                let mut at = 0;
+                for (i, &value) in j.iter().enumerate() {
+                    part.gradient[i] += value * r;
+                    let target = &mut part.information[at..=at + i];
+                    for (sum, other) in target.iter_mut().zip(j) {
+                        *sum += value * other;
+                    }
+                    at += i + 1;
+                }
+            }
+        }
+        Some(part)
+    }
+
+    fn chunks(&self) -> Vec<(usize, &[usize])> {
+        self.clusters.iter().enumerate().flat_map(|(i, c)| c.tracks.chunks(CHUNK).map(move |t| (i, t))).collect()
+    }
+}
+
+/// Two Householder reflections that make the columns n and n + 1 (the point's) upper triangular; returns R by rows and the two
+/// first entries of the residual column. `None` when the point is not determined.
+fn eliminate(rows: &mut [f64], width: usize, n: usize, scratch: &mut Vec<f64>) -> Option<[f64; 5]> {
+    let count = rows.len() / width;
+    let mut diagonal = [0.0; 2];
+    for (k, alpha) in diagonal.iter_mut().enumerate() {
+        let column = n + k;
+        let norm = (k..count).map(|i| rows[i * width + column].powi(2)).sum::<f64>().sqrt();
+        if norm.is_nan() || norm <= f64::MIN_POSITIVE {
+            return None;
+        }
+        let head = rows[k * width + column];
+        *alpha = if head > 0.0 { -norm } else { norm };
+        // v = column - alpha e_k, vᵀv / 2 = norm (norm + |head|).
+        let beta = 1.0 / (norm * (norm + head.abs()));
+        scratch.clear();
+        scratch.resize(width + count, 0.0);
+        let (sums, v) = scratch.split_at_mut(width);
+        for i in k..count {
+            v[i] = rows[i * width + column];
+        }
+        v[k] -= *alpha;
+        for (row, weight) in rows.chunks_exact(width).zip(v.iter()).skip(k) {
+            for (sum, value) in sums.iter_mut().zip(row) {
+                *sum += weight * value;
+            }
+        }
+        for (row, weight) in rows.chunks_exact_mut(width).zip(v.iter()).skip(k) {
+            let factor = beta * weight;
+            for (value, sum) in row.iter_mut().zip(sums.iter()) {
+                *value -= factor * sum;
+            }
+        }
+    }
+    Some([diagonal[0], rows[n + 1], diagonal[1], rows[n + 2], rows[width + n + 2]])
+}
+
+impl LeastSquares for Problem {
+    type State = State;
+    type Linearised = Reduced;
+
+    fn cost(&self, state: &State) -> Option<f64> {
+        let (projector, poses) = (self.projector(state), self.poses(state));
+        let chunks = self.chunks();
+        let parts: Vec<Option<f64>> = chunks
+            .par_iter()
+            .map(|(cluster, tracks)| {
+                let c = &self.clusters[*cluster];
+                let limit = self.huber_limit(c.views.len());
+                let mut cost = 0.0;
+                for &t in *tracks {
+                    for (s, &v) in self.seen[t].iter().zip(&c.views) {
+                        let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
+                        let r = whitened(s, &(pixel - s.pixel));
+                        cost += 0.5 * huber(self.weight * r.norm_squared(), limit).0;
+                    }
+                }
+                Some(cost)
+            })
+            .collect();
+        let mut total: f64 = self.priors(state).iter().map(|(_, _, value, sigma)| 0.5 * (value / sigma).powi(2)).sum();
+        for part in parts {
+            total += part?;
+        }
+        total.is_finite().then_some(total)
+    }
+
+    fn linearise(&self, state: &State) -> Option<Reduced> {
+        let (projector, poses) = (self.projector(state), self.poses(state));
+        let chunks = self.chunks();
+        let parts: Vec<Option<Part>> =
+            chunks.par_iter().map(|(c, tracks)| self.part(*c, tracks, state, &projector, &poses)).collect();
+        let parts: Vec<Part> = parts.into_iter().collect::<Option<_>>()?;
+        let mut information = Skyline::zeros(self.first.clone());
+        let mut gradient = DVector::zeros(self.layout.size);
+        let (mut cost, mut by_points) = (0.0, 0.0);
+        for part in &parts {
+            cost += part.cost;
+            by_points += part.by_points;
+            let columns = &self.clusters[part.cluster].columns;
+            let mut values = part.information.iter();
+            for (i, &row) in columns.iter().enumerate() {
+                gradient[row] += part.gradient[i];
+                for (&column, value) in columns[..=i].iter().zip(&mut values) {
+                    information.add(row, column, *value);
+                }
+            }
+        }
+        for (column, sign, value, sigma) in self.priors(state) {
+            let weight = 1.0 / (sigma * sigma);
+            cost += 0.5 * weight * value * value;
+            gradient[column] += sign * weight * value;
+            information.add(column, column, weight);
+        }
+        cost.is_finite().then(|| Reduced {
+            cost,
+            by_points,
+            information,
+            gradient,
+            parts,
+            columns: self.clusters.iter().map(|c| c.columns.clone()).collect(),
+            points: self.seen.len(),
+        })
+    }
+
+    fn retract(&self, state: &State, step: &DVector<f64>) -> State {
+        let at = |column: usize| if Layout::is_free(column) { step[column] } else { 0.0 };
+        let mut moved = state.clone();
+        for (k, &column) in self.layout.camera.iter().enumerate() {
+            moved.camera[k] += at(column);
+        }
+        for (g, columns) in moved.groups.iter_mut().zip(&self.layout.groups) {
+            g.attitude = g.turned([at(columns[0]), at(columns[1])]);
+            g.ln_height += at(columns[2]);
+        }
+        for (v, columns) in moved.views.iter_mut().zip(&self.layout.views) {
+            v.delta_rad[0] += at(columns[0]);
+            v.delta_rad[1] += at(columns[1]);
+            v.yaw_rad += at(columns[2]);
+            v.position += Vector2::new(at(columns[3]), at(columns[4]));
+            v.ln_height_ratio += at(columns[5]);
+        }
+        self.hold_origins(&mut moved);
+        let n = self.layout.size;
+        for (t, q) in moved.points.iter_mut().enumerate() {
+            let [u, v] = tangent_of(q);
+            *q = (*q + u * step[n + 2 * t] + v * step[n + 2 * t + 1]).normalize();
+        }
+        moved
+    }
+}

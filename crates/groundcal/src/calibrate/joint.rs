@@ -1,0 +1,307 @@
+//! From the linear camera to the joint refinement of everything (see [`crate::bundle`]), and back to what is reported.
+
+use nalgebra::{Matrix2, Matrix3, SMatrix};
+
+use super::{
+    Pipeline,
+    linear::Chosen,
+    pairs::PairResult,
+    report::{Attitude, KnownLens},
+    unknown_lens::{K1_SIGMA, K2_SIGMA},
+};
+use crate::{
+    absolute_conic::intrinsics_of,
+    attitude::attitude_rotation,
+    attitude_groups::Sides,
+    bundle::{
+        Bundle, BundleOptions, CAMERA, CameraVector, Observation, SceneModel, Track, ViewEstimate, adjust, disagreement,
+        start::{Link, state_from_links},
+        tracks::join_matches,
+    },
+    camera::{CameraOptions, CameraSolution, PriorUse, parameters_in_frame},
+    correspondence::ImagePair,
+    distortion::Distortion,
+    error::Error,
+    frame::Frame,
+    homography::robust::KEPT,
+    intrinsics::Intrinsics,
+    levenberg_marquardt::StopReason,
+    result::{Refinement, ViewReport},
+    statistics::{chi_squared_2_mean_below, chi_squared_2_quantile},
+};
+
+/// Noise no camera is below, in pixels: exact data keep finite weights.
+const LEAST_NOISE_PX: f64 = 1e-4;
+/// Matches that the common noise of all pairs is worth in the estimate of one pair's.
+const COMMON_NOISE_MATCHES: f64 = 20.0;
+
+/// A refined calibration with the images its views are.
+pub(super) struct Joint {
+    pub(super) bundle: Bundle,
+    /// Image of each view.
+    pub(super) images: Vec<usize>,
+    /// Camera matrix in pixels.
+    pub(super) intrinsics: Intrinsics,
+    /// Lens.
+    pub(super) distortion: Distortion,
+    /// Covariance of (fx, fy, cx, cy, skew, k1, k2), pixels.
+    pub(super) covariance_px: SMatrix<f64, CAMERA, CAMERA>,
+}
+
+impl Joint {
+    fn new(bundle: Bundle, images: Vec<usize>, tangential: [f64; 2], frame: &Frame) -> Self {
+        let c = &bundle.state.camera;
+        let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&c.fixed_rows::<5>(0).into()));
+        intrinsics.skew += 0.0;
+        let mut jacobian = SMatrix::<f64, CAMERA, CAMERA>::identity();
+        jacobian[(0, 0)] = intrinsics.fx;
+        (jacobian[(1, 0)], jacobian[(1, 1)]) = (intrinsics.fy, intrinsics.fy);
+        for i in 2..5 {
+            jacobian[(i, i)] = frame.scale_px;
+        }
+        let [p1, p2] = tangential;
+        Self {
+            intrinsics,
+            distortion: Distortion { k1: c[5], k2: c[6], p1, p2 },
+            covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
+            images,
+            bundle,
+        }
+    }
+
+    /// Covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units.
+    pub(super) fn camera_covariance(&self) -> SMatrix<f64, 5, 5> {
+        self.bundle.covariance.fixed_view::<5, 5>(0, 0).into_owned()
+    }
+
+    pub(super) fn report(&self) -> Refinement {
+        let b = &self.bundle;
+        let [observations, tracks, _] = b.counts;
+        Refinement {
+            observations,
+            tracks,
+            degrees_of_freedom: b.degrees_of_freedom,
+            variance_factor: b.variance_factor,
+            iterations: b.iterations,
+            converged: b.stop == StopReason::Converged,
+        }
+    }
+
+    /// How much of the variance of ln fx comes from the lens.
+    pub(super) fn share_of_lens(&self) -> f64 {
+        let c = &self.bundle.covariance;
+        let free: Vec<usize> = (5..CAMERA).filter(|&i| c[(i, i)] > 0.0).collect();
+        let lens = nalgebra::DMatrix::from_fn(free.len(), free.len(), |r, s| c[(free[r], free[s])]);
+        let cross = nalgebra::DVector::from_fn(free.len(), |r, _| c[(free[r], 0)]);
+        match crate::linalg::inverse_spd(&lens) {
+            Some(inverse) if !free.is_empty() => (cross.transpose() * inverse * &cross)[(0, 0)] / c[(0, 0)],
+            _ => 0.0,
+        }
+    }
+
+    /// The linear solution with the refined numbers in their places.
+    pub(super) fn solution(&self, linear: CameraSolution, options: &BundleOptions) -> CameraSolution {
+        let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
+        let priors = linear
+            .priors
+            .into_iter()
+            .map(|p| {
+                let index = ["fx", "aspect", "cx", "cy", "skew"].iter().position(|n| *n == p.parameter);
+                let ratio = index.and_then(|i| Some(self.bundle.covariance[(i, i)].max(0.0).sqrt() / options.priors[i]?.1));
+                PriorUse { posterior_over_prior: ratio.unwrap_or(p.posterior_over_prior), ..p }
+            })
+            .collect();
+        CameraSolution {
+            intrinsics: self.intrinsics,
+            covariance_px: self.covariance_px.fixed_view::<5, 5>(0, 0).into_owned(),
+            priors,
+            chi_squared,
+            degrees_of_freedom,
+            attitude_sigma_rad: self.bundle.attitude_sigma.sigma,
+            attitude_sigma_estimated: self.bundle.attitude_sigma.estimated,
+            variance_inflation: if options.attitude_sigma_rad.is_some() { disagreement(self.bundle.agreement) } else { 1.0 },
+            ..linear
+        }
+    }
+}
+
+/// What the joint refinement is given.
+struct Setup {
+    images: Vec<usize>,
+    group_of_view: Vec<usize>,
+    attitudes: Vec<Matrix3<f64>>,
+    links: Vec<Link>,
+    tracks: Vec<Track>,
+    kept_variance: f64,
+}
+
+impl Pipeline<'_> {
+    /// Options of the joint refinement under what is known of camera and lens.
+    pub(super) fn bundle_options(&self, camera: &CameraOptions, known: &KnownLens, frame: &Frame) -> BundleOptions {
+        let estimate_lens = matches!(known, KnownLens::Estimated(_));
+        let k = self.options.constraint.free();
+        let priors = camera.priors(frame).0;
+        let lens_prior = |sigma: f64| estimate_lens.then_some((0.0, sigma));
+        BundleOptions {
+            free: [k[0], k[1], k[2], k[3], k[4], estimate_lens, estimate_lens],
+            priors: [priors[0], priors[1], priors[2], priors[3], priors[4], lens_prior(K1_SIGMA), lens_prior(K2_SIGMA)],
+            tangential: match known {
+                KnownLens::Given(lens) => [lens.distortion.p1, lens.distortion.p2],
+                _ => [0.0; 2],
+            },
+            attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
+            attitude_scale_rad: camera.attitude_sigma_rad,
+            height_sigma: self.options.height_sigma,
+            ..BundleOptions::default()
+        }
+    }
+
+    /// Refines the linear solution on the matches of the motions chosen. `None` when there are no matches to refine on.
+    ///
+    /// # Errors
+    /// See [`adjust`].
+    pub(super) fn refine_jointly(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        chosen: &Chosen,
+        solution: &CameraSolution,
+        known: &KnownLens,
+        options: &BundleOptions,
+    ) -> Result<Option<Joint>, Error> {
+        let frame = self.frame();
+        let used = chosen.used();
+        let Some(mut setup) = self.setup(pairs, results, &used, solution) else { return Ok(None) };
+        let lens = match known {
+            KnownLens::NotModelled => Distortion::default(),
+            KnownLens::Given(lens) => lens.distortion,
+            KnownLens::Estimated(finding) => {
+                finding.lens().map_or(Distortion::default(), |l| l.with_focal_length(solution.intrinsics.fx).distortion)
+            }
+        };
+        let mut camera = CameraVector::zeros();
+        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&solution.intrinsics, &frame));
+        (camera[5], camera[6]) = (lens.k1, lens.k2);
+        let options = BundleOptions { kept_variance: setup.kept_variance, ..*options };
+        let both_sides = chosen.motions.iter().any(|(i, m)| used.contains(i) && m.sides == Sides::Both);
+        let attempt = |scene: SceneModel, setup: &Setup| {
+            let start = state_from_links(
+                scene,
+                camera,
+                &solution.intrinsics,
+                &setup.attitudes,
+                &setup.group_of_view,
+                &setup.links,
+            )
+            .ok_or_else(|| Error::Numerical {
+                stage: "joint refinement",
+                detail: "a motion's homography fits no camera over the floor".into(),
+            })?;
+            adjust(scene, &frame, &setup.tracks, start, &options)
+        };
+        let scene = if both_sides { SceneModel::Directions } else { SceneModel::Floor };
+        let bundle = attempt(scene, &setup)?;
+        let images = std::mem::take(&mut setup.images);
+        Ok(Some(Joint::new(bundle, images, options.tangential, &frame)))
+    }
+
+    fn setup(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        used: &[usize],
+        solution: &CameraSolution,
+    ) -> Option<Setup> {
+        let images: Vec<usize> =
+            used.iter().flat_map(|&i| [pairs[i].from, pairs[i].to]).collect::<std::collections::BTreeSet<_>>().into_iter().collect();
+        let view = |image: usize| images.binary_search(&image).unwrap_or(0);
+        let mut group_of_view = vec![0; images.len()];
+        let mut attitudes = Vec::with_capacity(solution.groups.len());
+        for (g, group) in solution.groups.iter().enumerate() {
+            for &m in &group.members {
+                group_of_view[view(pairs[used[m]].from)] = g;
+                group_of_view[view(pairs[used[m]].to)] = g;
+            }
+            let seen = group.members.iter().flat_map(|&m| {
+                let i = used[m];
+                results[i].inliers().iter().map(move |&k| pairs[i].matches[k].a)
+            });
+            let attitude = Attitude::of(&group.fused.point, &solution.intrinsics, &self.frame(), seen);
+            attitudes.push(attitude_rotation(attitude.pitch_down_rad, attitude.roll_rad));
+        }
+        let mut links = Vec::new();
+        let (mut noise_sum, mut noise_weight) = (0.0, 0.0);
+        for &i in used {
+            let (robust, _) = results[i].outcome.as_ref().ok()?;
+            links.push(Link {
+                from: view(pairs[i].from),
+                to: view(pairs[i].to),
+                h_to_from: robust.estimate.h_b_from_a,
+                matches: robust.inliers.len(),
+            });
+            let n = robust.inliers.len() as f64;
+            noise_sum += n * robust.estimate.sigma_px.powi(2);
+            noise_weight += n;
+        }
+        if noise_weight == 0.0 {
+            return None;
+        }
+        // Patches carry a deviation of their own in pixels, features a relative one: the same arithmetic serves both, pair by pair.
+        let mut matches: Vec<[Observation; 2]> = Vec::new();
+        let mut cut = false;
+        for &i in used {
+            let (robust, _) = results[i].outcome.as_ref().ok()?;
+            let n = robust.inliers.len() as f64;
+            let common = if robust.patches == results[used[0]].has_patches() { COMMON_NOISE_MATCHES } else { 0.0 };
+            let noise = (n * robust.estimate.sigma_px.powi(2) + common * noise_sum / noise_weight) / (n + common);
+            cut |= robust.inliers.len() < pairs[i].matches.len();
+            for &k in &robust.inliers {
+                let m = &pairs[i].matches[k];
+                let information =
+                    Matrix2::from_diagonal_element(1.0 / (noise * m.sigma_px * m.sigma_px).max(LEAST_NOISE_PX.powi(2)));
+                matches.push([
+                    Observation { view: view(pairs[i].from), pixel: m.a, information },
+                    Observation { view: view(pairs[i].to), pixel: m.b, information },
+                ]);
+            }
+        }
+        let kept_variance = if cut { 0.5 * chi_squared_2_mean_below(chi_squared_2_quantile(1.0 - KEPT)) } else { 1.0 };
+        let tracks = join_matches(&matches);
+        Some(Setup { images, group_of_view, attitudes, links, tracks, kept_variance })
+    }
+}
+
+impl PairResult {
+    /// Indices of the matches on the plane; none without a homography.
+    pub(super) fn inliers(&self) -> &[usize] {
+        self.outcome.as_ref().map_or(&[], |(robust, _)| &robust.inliers)
+    }
+
+    fn has_patches(&self) -> bool {
+        self.outcome.as_ref().is_ok_and(|(robust, _)| robust.patches)
+    }
+}
+
+impl Pipeline<'_> {
+    pub(super) fn view_reports(&self, joint: &Joint) -> Vec<ViewReport> {
+        let b = &joint.bundle;
+        let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
+            let e = estimate.as_ref()?;
+            let floor = b.scene == SceneModel::Floor;
+            Some(ViewReport {
+                image: self.names[joint.images[v]].clone(),
+                attitude: b.state.views[v].group,
+                origin: self.names[joint.images[e.origin]].clone(),
+                yaw_deg: e.yaw_rad.to_degrees(),
+                yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),
+                pitch_down_deg: e.pitch_roll_rad[0].to_degrees(),
+                roll_deg: e.pitch_roll_rad[1].to_degrees(),
+                position: floor.then(|| e.centre.into()),
+                position_sigma: floor.then(|| e.centre_sigma.into()),
+                observations: e.observations,
+                weighted_rms: e.weighted_rms,
+            })
+        };
+        b.views.iter().enumerate().filter_map(report).collect()
+    }
+}
