@@ -145,6 +145,9 @@ pub struct Refinement {
     /// Weighted squared residuals over their degrees of freedom, weights being those that single homographies gave: 1 says that
     /// the model explains the matches as well as a homography a motion does. The weights were scaled by it.
     pub variance_factor: f64,
+    /// How much more the residuals of neighbouring points have in common than independent ones would (1: nothing): a lens or a
+    /// floor not quite as the model says. All variances are larger by it.
+    pub design_effect: f64,
     /// Levenberg-Marquardt steps.
     pub iterations: usize,
     /// Whether the last loop ended by itself.

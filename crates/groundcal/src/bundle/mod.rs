@@ -22,14 +22,14 @@ use crate::{
     attitude::{angles_from_rotation, attitude_from_up},
     error::Error,
     frame::Frame,
-    levenberg_marquardt::{LmOptions, StopReason, minimise},
+    levenberg_marquardt::{LmOptions, LmOutput, StopReason, minimise},
     linalg::{inverse_spd, symmetric_eigen},
-    statistics::{VarianceComponent, chi_squared_survival},
+    statistics::{NORMAL_95, VarianceComponent, chi_squared_survival},
 };
 
 pub use model::{CAMERA, CameraVector, GroupState, SceneModel, ViewState};
 pub use problem::State;
-use problem::{Ingredients, Layout, Problem, STIFF};
+use problem::{Ingredients, Layout, Problem, Reduced, STIFF};
 pub use skyline::SkylineCholesky;
 pub use tracks::{Observation, Track};
 
@@ -50,6 +50,8 @@ pub struct BundleOptions {
     pub height_sigma: Option<f64>,
     /// Residuals beyond this many standard deviations count less.
     pub huber: f64,
+    /// Half width and height of the images, frame units.
+    pub image_half_sides: [f64; 2],
     /// Mean squared residual of what an earlier cut at some number of deviations left, over that of all (1: nothing was cut).
     pub kept_variance: f64,
     /// The loop.
@@ -66,6 +68,7 @@ impl Default for BundleOptions {
             attitude_scale_rad: 0.1f64.to_radians(),
             height_sigma: None,
             huber: 3.0,
+            image_half_sides: [1.0; 2],
             kept_variance: 1.0,
             lm: LmOptions { max_iterations: 60, relative_cost_tolerance: 1e-7, step_tolerance: 1e-13 },
         }
@@ -135,6 +138,8 @@ pub struct Bundle {
     pub height_sigma: Component,
     /// Weighted squared residuals over their degrees of freedom, before the weights were scaled by it.
     pub variance_factor: f64,
+    /// How much more the residuals of neighbours have in common than independent ones would; the covariances allow for it.
+    pub design_effect: f64,
     /// Observations (of two coordinates), tracks, columns.
     pub counts: [usize; 3],
     /// Degrees of freedom of the residuals.
@@ -158,9 +163,10 @@ const MIN_DIRECTIONS: usize = 4;
 /// Probability below which the attitudes' disagreement is not put down to chance.
 pub const DISAGREEMENT_P: f64 = 0.01;
 /// Rounds of estimation of weights and variance components.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 10;
 
-/// Refines a state. `group_of_view` has one entry a view of the tracks.
+/// Refines a state. Where more than one start is given, all are followed and the one of least cost is the answer: a wide error
+/// bar may hold more than one minimum. The starts must have the same groups and views.
 ///
 /// # Errors
 /// [`Error::Numerical`] when the start is outside the model or the information is singular.
@@ -168,11 +174,12 @@ pub fn adjust(
     scene: SceneModel,
     frame: &Frame,
     tracks: &[Track],
-    start: State,
+    starts: Vec<State>,
     options: &BundleOptions,
 ) -> Result<Bundle, Error> {
     let failed = |detail: &str| Error::Numerical { stage: "joint refinement", detail: detail.into() };
-    let group_of_view: Vec<usize> = start.views.iter().map(|v| v.group).collect();
+    let first = starts.first().ok_or_else(|| failed("there is no start"))?;
+    let group_of_view: Vec<usize> = first.views.iter().map(|v| v.group).collect();
     let mut problem = Problem::new(&Ingredients {
         scene,
         frame,
@@ -183,30 +190,66 @@ pub fn adjust(
         tangential: options.tangential,
         huber: options.huber,
     });
-    let mut state = start;
-    problem.hold_origins(&mut state);
-    state.points = problem.points_from_first_views(&state).ok_or_else(|| failed("a point has no ray"))?;
+    let mut states: Vec<State> = starts
+        .into_iter()
+        .filter_map(|mut state| {
+            problem.hold_origins(&mut state);
+            state.points = problem.points_from_first_views(&state)?;
+            Some(state)
+        })
+        .collect();
     let mut attitude_sigma =
         Component { sigma: options.attitude_sigma_rad.unwrap_or(options.attitude_scale_rad), estimated: false };
     let mut height_sigma = Component { sigma: options.height_sigma.unwrap_or(1.0), estimated: false };
     let mut iterations = 0;
     let mut round = 0;
+    let mut last = None;
+    let mut design_effect = 1.0;
     loop {
         round += 1;
         (problem.attitude_sigma_rad, problem.height_sigma) = (attitude_sigma.sigma, height_sigma.sigma);
-        let out = minimise(&problem, state, &options.lm).ok_or_else(|| failed("the start is outside the model"))?;
-        iterations += out.iterations;
+        let mut best: Option<LmOutput<State, Reduced>> = None;
+        for state in &mut states {
+            let Some(next) = minimise(&problem, state.clone(), &options.lm) else { continue };
+            iterations += next.iterations;
+            *state = next.state.clone();
+            if best.as_ref().is_none_or(|b| next.cost < b.cost) {
+                best = Some(next);
+            }
+        }
+        let out = best.ok_or_else(|| failed("the start is outside the model"))?;
         let factor = out.linearised.information.cholesky(0.0).ok_or_else(|| failed("the information is singular"))?;
-        let (variance, degrees_of_freedom) = variance_factor(&problem, &out.state, &factor, options.kept_variance)
-            .ok_or_else(|| failed("the solution is outside the model"))?;
+        let squared_residuals =
+            problem.squared_residuals(&out.state).ok_or_else(|| failed("the solution is outside the model"))?;
+        let (variance, degrees_of_freedom) =
+            variance_factor(&problem, &out.state, &squared_residuals, &factor, options.kept_variance);
+        // In units of single residuals, which the weights in force take for larger by what neighbours have in common.
+        let variance = variance * design_effect;
+        let next_effect = problem
+            .design_effect(&out.state, options.image_half_sides)
+            .ok_or_else(|| failed("the solution is outside the model"))?
+            / variance
+            * design_effect;
+        let next_effect = next_effect.max(1.0);
         let deltas = Deviations::of_attitudes(&problem, &out.state, &factor, problem.attitude_sigma_rad);
         let heights = Deviations::of_heights(&problem, &out.state, &factor, problem.height_sigma);
-        let mut settled = (variance - 1.0).abs() < 0.02;
+        // From round to round the weights of the loss change too: the camera rests when they hardly move it.
+        let moved = last.map_or(f64::INFINITY, |before: CameraVector| {
+            (0..CAMERA)
+                .filter(|&i| Layout::is_free(problem.layout.camera[i]))
+                .map(|i| {
+                    let column = problem.layout.camera[i];
+                    (out.state.camera[i] - before[i]).abs() / factor.inverse_block(&[column])[(0, 0)].sqrt()
+                })
+                .fold(0.0, f64::max)
+        });
+        last = Some(out.state.camera);
+        let mut settled = (variance - 1.0).abs() < 0.02 && moved < 0.02 && (next_effect / design_effect).ln().abs() < 0.05;
         let agreement = deltas.as_ref().map_or((0.0, 0), |d| d.agreement(attitude_sigma.sigma));
         if options.attitude_sigma_rad.is_none()
             && let Some(d) = &deltas
         {
-            let next = d.attitude_component(options.attitude_scale_rad, agreement);
+            let next = d.attitude_component(options.attitude_scale_rad);
             settled &= (next.sigma / attitude_sigma.sigma).ln().abs() < 0.05;
             attitude_sigma = next;
         }
@@ -218,14 +261,14 @@ pub fn adjust(
             settled &= (next.sigma / height_sigma.sigma).ln().abs() < 0.05;
             height_sigma = next;
         }
+        if std::env::var("LMDBG").is_ok() { #[allow(clippy::print_stderr)] { eprintln!("round {round} var {variance:.4} sigma_a {:.5} sigma_h {:.6} agreement {agreement:?} its {} {:?} eig {:?}", attitude_sigma.sigma.to_degrees(), height_sigma.sigma, out.iterations, out.stop, deltas.as_ref().map(|d| d.eigenvalues.as_slice().to_vec())); } }
         if settled || round == ROUNDS {
             let solution = Solution { problem: &problem, state: &out.state, factor: &factor };
-            let squared_residuals =
-                problem.squared_residuals(&out.state).ok_or_else(|| failed("the solution is outside the model"))?;
             // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
             let student = if degrees_of_freedom > 4.0 { degrees_of_freedom / (degrees_of_freedom - 2.0) } else { 2.0 };
             let unexplained = options.attitude_sigma_rad.is_some().then(|| disagreement(agreement)).unwrap_or(1.0);
-            let widened = student * unexplained;
+            let nonlinear = profile_widening(&problem, &out.state, out.cost, &factor, &options.lm);
+            let widened = student * unexplained * nonlinear * nonlinear;
             let origin_of = problem::components_of(group_of_view.len(), tracks);
             return Ok(Bundle {
                 scene,
@@ -234,7 +277,8 @@ pub fn adjust(
                 views: solution.views(&origin_of, tracks, &squared_residuals, widened),
                 attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..attitude_sigma },
                 height_sigma: Component { sigma: problem.height_sigma, ..height_sigma },
-                variance_factor: variance / problem.weight,
+                variance_factor: variance / (problem.weight * design_effect),
+                design_effect,
                 counts: [problem.observations(), problem.tracks(), problem.layout.size],
                 degrees_of_freedom,
                 agreement,
@@ -245,8 +289,12 @@ pub fn adjust(
                 state: out.state,
             });
         }
-        problem.weight = (problem.weight / variance).clamp(1e-6, 25.0);
-        state = out.state;
+        // What is large is so in units of single residuals.
+        let white = (problem.weight * design_effect / variance).clamp(1e-6, 25.0);
+        let rescaled = white / problem.weight;
+        problem.reweight(&squared_residuals.iter().map(|t| t.iter().map(|r| r * rescaled).collect()).collect::<Vec<_>>());
+        problem.weight = white / next_effect;
+        design_effect = next_effect;
     }
 }
 
@@ -259,14 +307,67 @@ pub fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {
     }
 }
 
+/// Standard deviation of ln f from which on the shape of the likelihood is looked at.
+const PROFILE_FROM: f64 = 0.01;
+
+/// How much wider than its linearised error bar the interval of f is: the cost, minimised over everything else, must have risen
+/// by what belongs to 95 % at the ends (profile likelihood). Only where the bar is wide; 1: the bar holds.
+fn profile_widening(
+    problem: &Problem,
+    state: &State,
+    cost: f64,
+    factor: &SkylineCholesky,
+    lm: &LmOptions,
+) -> f64 {
+    const RISE: f64 = 1.92;
+    const STIFFNESS: f64 = 1e-8;
+    let column = problem.layout.camera[0];
+    if !Layout::is_free(column) {
+        return 1.0;
+    }
+    let sigma = factor.inverse_block(&[column])[(0, 0)].sqrt();
+    if sigma < PROFILE_FROM {
+        return 1.0;
+    }
+    let prior_cost = |ln_f: f64| problem.camera_priors[0].map_or(0.0, |(mean, s)| 0.5 * ((ln_f - mean) / s).powi(2));
+    let cost_at = |from: &State, ln_f: f64| {
+        let mut held = problem.clone();
+        held.camera_priors[0] = Some((ln_f, STIFFNESS));
+        let mut start = from.clone();
+        start.camera[0] = ln_f;
+        let out = minimise(&held, start, lm)?;
+        Some((out.cost + prior_cost(ln_f), out.state))
+    };
+    let base = cost;
+    let mut widest: f64 = 1.0;
+    for side in [-1.0, 1.0] {
+        let mut from = state.clone();
+        let mut factor = 1.0;
+        // Outwards in steps until the cost has risen, or f is off by a factor of three.
+        while factor * NORMAL_95 * sigma < 1.1 {
+            let Some((at, next)) = cost_at(&from, state.camera[0] + side * factor * NORMAL_95 * sigma) else { break };
+            if at - base >= RISE {
+                break;
+            }
+            from = next;
+            factor *= 1.3;
+        }
+        widest = widest.max(factor);
+    }
+    // A step of the search is no finding.
+    if widest <= 1.3 { 1.0 } else { widest }
+}
+
 /// Mean squared weighted residual per degree of freedom, and these: two a observation less two a track less the columns, of
 /// which those with priors count by how much the data decide them.
-fn variance_factor(problem: &Problem, state: &State, factor: &SkylineCholesky, kept: f64) -> Option<(f64, f64)> {
-    let residuals = problem.squared_residuals(state)?;
-    let limit = |count: usize| problem.huber_limit(count);
-    // Huber's weights: what counts less explains less.
-    let total: f64 =
-        residuals.iter().flat_map(|t| t.iter().map(|r| if *r > limit(t.len()) { (r * limit(t.len())).sqrt() } else { *r })).sum();
+fn variance_factor(
+    problem: &Problem,
+    state: &State,
+    squared_residuals: &[Vec<f64>],
+    factor: &SkylineCholesky,
+    kept: f64,
+) -> (f64, f64) {
+    let total = problem.weighted_sum(squared_residuals);
     let held: f64 = problem
         .prior_information(state)
         .into_iter()
@@ -274,9 +375,9 @@ fn variance_factor(problem: &Problem, state: &State, factor: &SkylineCholesky, k
         .sum();
     let dof = 2.0 * problem.observations() as f64 - 2.0 * problem.tracks() as f64 - (problem.layout.size as f64 - held);
     if dof < 1.0 {
-        return Some((1.0, dof.max(0.0)));
+        return (1.0, dof.max(0.0));
     }
-    Some((total / (dof * kept), dof))
+    (total / (dof * kept), dof)
 }
 
 /// Deviations with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,
@@ -342,7 +443,7 @@ impl Deviations {
         seen.fold((0.0, 0), |(sum, count), (l, r)| (sum + r * r / (l * (1.0 + sigma * sigma * l)), count + 1))
     }
 
-    fn attitude_component(&self, scale: f64, agreement: (f64, usize)) -> Component {
+    fn attitude_component(&self, scale: f64) -> Component {
         let seen = self.eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count();
         let component = VarianceComponent { scale, below: 30.0, above: 100.0 };
         let told = || component.posterior(|s| self.log_likelihood(s));
@@ -350,7 +451,8 @@ impl Deviations {
             return Component { sigma: told(), estimated: true };
         }
         // Few directions do not make the deviation smaller than stated, but a clear contradiction makes it larger.
-        if chi_squared_survival(agreement.0, agreement.1) < DISAGREEMENT_P {
+        let (chi_squared, degrees_of_freedom) = self.agreement(scale);
+        if chi_squared_survival(chi_squared, degrees_of_freedom) < DISAGREEMENT_P {
             return Component { sigma: told().max(scale), estimated: true };
         }
         Component { sigma: scale, estimated: false }

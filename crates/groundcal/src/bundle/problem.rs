@@ -20,6 +20,7 @@ use super::{
 use crate::{
     frame::Frame,
     levenberg_marquardt::{DampedStep, LeastSquares, Linearisation},
+    statistics::chi_squared_survival,
 };
 
 /// Everything that is estimated.
@@ -76,6 +77,8 @@ struct Seen {
     pixel: Vector2<f64>,
     /// Upper triangular root of the information: |whiten r|² = rᵀ Λ r.
     whiten: [f64; 3],
+    /// Less than 1 where the residual was too large to count in full.
+    robust: f64,
 }
 
 /// Gaussian prior on one column: (mean, standard deviation) of the number it stands for.
@@ -107,6 +110,21 @@ pub struct Problem {
 
 /// Least deviation of attitudes (radians) and heights (relative): what is said to be exact is held this stiffly.
 pub const STIFF: f64 = 1e-7;
+
+/// Cells along each side of an image, and the fewest points of one, for residuals that neighbours have in common.
+const CELLS: usize = 4;
+const CELL_COUNT: usize = 3;
+/// Probability below which what they have in common is not put down to chance.
+const DESIGN_EFFECT_P: f64 = 0.01;
+
+/// Sum of the residuals in a part of an image.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    sum: Vector2<f64>,
+    /// Expected mean square of each of its coordinates, if they were independent.
+    variance: f64,
+    count: usize,
+}
 
 /// Tracks of a cluster that are worked on at once.
 const CHUNK: usize = 64;
@@ -144,7 +162,7 @@ impl Problem {
             .map(|t| {
                 t.observations
                     .iter()
-                    .map(|o| Seen { pixel: i.frame.from_pixel(&o.pixel), whiten: root(&(o.information * scale * scale)) })
+                    .map(|o| Seen { pixel: i.frame.from_pixel(&o.pixel), whiten: root(&(o.information * scale * scale)), robust: 1.0 })
                     .collect()
             })
             .collect();
@@ -293,19 +311,69 @@ impl Problem {
         own.chain(origins).filter(|(c, _)| Layout::is_free(*c)).map(|(_, value)| value).collect()
     }
 
-    /// Huber's threshold, squared, for the residual of one of `count` observations of a track: the point follows them.
-    pub fn huber_limit(&self, count: usize) -> f64 {
-        self.huber * self.huber * (count as f64 - 1.0) / count as f64
+    /// How much more the residuals of neighbouring points have in common than independent ones would: the mean square of sums over
+    /// cells of the images, by its expectation. A lens or a floor that is not quite as the model says, and matching errors that
+    /// depend on the perspective, show in it where the size of single residuals does not. 1 where the difference is chance.
+    pub fn design_effect(&self, state: &State, image_half_sides: [f64; 2]) -> Option<f64> {
+        let (projector, poses) = (self.projector(state), self.poses(state));
+        let mut cells: BTreeMap<[usize; 2], [Cell; CELLS * CELLS]> = BTreeMap::new();
+        for c in &self.clusters {
+            let share = (c.views.len() as f64 - 1.0) / c.views.len() as f64;
+            for &t in &c.tracks {
+                for (s, &v) in self.seen[t].iter().zip(&c.views).skip(1) {
+                    let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
+                    let r = whitened(s, &(pixel - s.pixel)) * (self.weight * s.robust).sqrt();
+                    let place = |x: f64, half: f64| {
+                        ((0.5 * (x / half + 1.0) * CELLS as f64).max(0.0) as usize).min(CELLS - 1)
+                    };
+                    let at = place(s.pixel.y, image_half_sides[1]) * CELLS + place(s.pixel.x, image_half_sides[0]);
+                    let cell = &mut cells.entry([c.views[0], v]).or_default()[at];
+                    cell.sum += r;
+                    cell.variance += share;
+                    cell.count += 1;
+                }
+            }
+        }
+        let (mut squares, mut expected, mut degrees_of_freedom) = (0.0, 0.0, 0.0);
+        for pair in cells.values() {
+            let full = || pair.iter().filter(|c| c.count >= CELL_COUNT);
+            let numbers = 2.0 * full().count() as f64;
+            // What a homography of its own would follow is not in the residuals.
+            let left = numbers - 8.0;
+            if left <= 0.0 {
+                continue;
+            }
+            squares += full().map(|c| c.sum.norm_squared()).sum::<f64>();
+            expected += 2.0 * full().map(|c| c.variance).sum::<f64>() * left / numbers;
+            degrees_of_freedom += left;
+        }
+        if degrees_of_freedom < 1.0 {
+            return Some(1.0);
+        }
+        let ratio: f64 = squares / expected;
+        let chance = chi_squared_survival(ratio * degrees_of_freedom, degrees_of_freedom.round() as usize);
+        Some(if chance < DESIGN_EFFECT_P { ratio.max(1.0) } else { 1.0 })
     }
-}
 
-/// Loss and weight of a squared residual (Huber 1964).
-fn huber(squared: f64, limit: f64) -> (f64, f64) {
-    if squared <= limit {
-        return (squared, 1.0);
+    /// Sets the weight of each observation to Huber's (1964) for its squared residual. Between two calls the problem is one of
+    /// plain least squares (iteratively reweighted), which converges in a few steps.
+    pub fn reweight(&mut self, squared_residuals: &[Vec<f64>]) {
+        for (seen, residuals) in self.seen.iter_mut().zip(squared_residuals) {
+            // The point follows the observations: a residual is smaller than the error by this much.
+            let limit = self.huber * self.huber * (seen.len() as f64 - 1.0) / seen.len() as f64;
+            for (s, r) in seen.iter_mut().zip(residuals) {
+                s.robust = if *r > limit { (limit / r).sqrt() } else { 1.0 };
+            }
+        }
     }
-    let size = (squared * limit).sqrt();
-    (2.0 * size - limit, (limit / squared).sqrt())
+
+    /// Sum of the squared residuals with the weights in force.
+    pub fn weighted_sum(&self, squared_residuals: &[Vec<f64>]) -> f64 {
+        let of_track = |(seen, residuals): (&Vec<Seen>, &Vec<f64>)| -> f64 {
+            seen.iter().zip(residuals).map(|(s, r)| s.robust * r).sum()
+        };
+        self.seen.iter().zip(squared_residuals).map(of_track).sum()
+    }
 }
 
 fn whitened(s: &Seen, r: &Vector2<f64>) -> Vector2<f64> {
@@ -541,7 +609,6 @@ impl Problem {
             eliminations: Vec::with_capacity(tracks.len()),
             rows: Vec::with_capacity(2 * n * tracks.len()),
         };
-        let limit = self.huber_limit(m);
         let mut rows = vec![0.0; 2 * m * width];
         let mut scratch = Vec::new();
         for &t in tracks {
@@ -551,9 +618,8 @@ impl Problem {
             for (o, (s, &v)) in self.seen[t].iter().zip(&c.views).enumerate() {
                 let p = project_with_derivatives(projector, &poses[v], q)?;
                 let r = whitened(s, &(p.pixel - s.pixel));
-                let (loss, loss_weight) = huber(self.weight * r.norm_squared(), limit);
-                part.cost += 0.5 * loss;
-                let w = (self.weight * loss_weight).sqrt();
+                let w = (self.weight * s.robust).sqrt();
+                part.cost += 0.5 * self.weight * s.robust * r.norm_squared();
                 let [a, b, d] = s.whiten.map(|u| u * w);
                 let (top, bottom) = rows[2 * o * width..(2 * o + 2) * width].split_at_mut(width);
                 for (slot, &at) in c.place[o].iter().enumerate() {
@@ -644,13 +710,12 @@ impl LeastSquares for Problem {
             .par_iter()
             .map(|(cluster, tracks)| {
                 let c = &self.clusters[*cluster];
-                let limit = self.huber_limit(c.views.len());
                 let mut cost = 0.0;
                 for &t in *tracks {
                     for (s, &v) in self.seen[t].iter().zip(&c.views) {
                         let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
                         let r = whitened(s, &(pixel - s.pixel));
-                        cost += 0.5 * huber(self.weight * r.norm_squared(), limit).0;
+                        cost += 0.5 * self.weight * s.robust * r.norm_squared();
                     }
                 }
                 Some(cost)

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     absolute_conic::intrinsics_of,
     attitude::attitude_rotation,
-    attitude_groups::Sides,
+    attitude_groups::{AttitudeGroup, Sides},
     bundle::{
         Bundle, BundleOptions, CAMERA, CameraVector, Observation, SceneModel, Track, ViewEstimate, adjust, disagreement,
         start::{Link, state_from_links},
@@ -34,6 +34,9 @@ use crate::{
 const LEAST_NOISE_PX: f64 = 1e-4;
 /// Matches that the common noise of all pairs is worth in the estimate of one pair's.
 const COMMON_NOISE_MATCHES: f64 = 20.0;
+
+/// Relative deviation of f from which on other focal lengths are tried as starts.
+const VAGUE: f64 = 0.03;
 
 /// A refined calibration with the images its views are.
 pub(super) struct Joint {
@@ -82,6 +85,7 @@ impl Joint {
             tracks,
             degrees_of_freedom: b.degrees_of_freedom,
             variance_factor: b.variance_factor,
+            design_effect: b.design_effect,
             iterations: b.iterations,
             converged: b.stop == StopReason::Converged,
         }
@@ -129,7 +133,6 @@ impl Joint {
 struct Setup {
     images: Vec<usize>,
     group_of_view: Vec<usize>,
-    attitudes: Vec<Matrix3<f64>>,
     links: Vec<Link>,
     tracks: Vec<Track>,
     kept_variance: f64,
@@ -152,6 +155,7 @@ impl Pipeline<'_> {
             attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
             attitude_scale_rad: camera.attitude_sigma_rad,
             height_sigma: self.options.height_sigma,
+            image_half_sides: [self.size.width, self.size.height].map(|side| 0.5 * side as f64 / frame.scale_px),
             ..BundleOptions::default()
         }
     }
@@ -171,7 +175,7 @@ impl Pipeline<'_> {
     ) -> Result<Option<Joint>, Error> {
         let frame = self.frame();
         let used = chosen.used();
-        let Some(mut setup) = self.setup(pairs, results, &used, solution) else { return Ok(None) };
+        let Some(setup) = self.setup(pairs, results, &used, solution) else { return Ok(None) };
         let lens = match known {
             KnownLens::NotModelled => Distortion::default(),
             KnownLens::Given(lens) => lens.distortion,
@@ -184,25 +188,48 @@ impl Pipeline<'_> {
         (camera[5], camera[6]) = (lens.k1, lens.k2);
         let options = BundleOptions { kept_variance: setup.kept_variance, ..*options };
         let both_sides = chosen.motions.iter().any(|(i, m)| used.contains(i) && m.sides == Sides::Both);
-        let attempt = |scene: SceneModel, setup: &Setup| {
-            let start = state_from_links(
-                scene,
-                camera,
-                &solution.intrinsics,
-                &setup.attitudes,
-                &setup.group_of_view,
-                &setup.links,
-            )
-            .ok_or_else(|| Error::Numerical {
-                stage: "joint refinement",
-                detail: "a motion's homography fits no camera over the floor".into(),
-            })?;
-            adjust(scene, &frame, &setup.tracks, start, &options)
+        let start = |scene: SceneModel, f_factor: f64| {
+            let k = Intrinsics { fx: solution.intrinsics.fx * f_factor, fy: solution.intrinsics.fy * f_factor, ..solution.intrinsics };
+            let mut camera = camera;
+            camera[0] += f_factor.ln();
+            let attitudes = self.attitudes_under(&k, pairs, results, &used, solution);
+            state_from_links(scene, camera, &k, &attitudes, &setup.group_of_view, &setup.links)
+        };
+        // A focal length that the linear solution hardly knows may be another.
+        let vague = solution.covariance_px[(0, 0)].sqrt() > VAGUE * solution.intrinsics.fx;
+        let factors: &[f64] = if vague { &[1.0, 0.8, 1.25] } else { &[1.0] };
+        let attempt = |scene: SceneModel| {
+            let starts: Vec<_> = factors.iter().filter_map(|f| start(scene, *f)).collect();
+            if starts.is_empty() {
+                return Err(Error::Numerical {
+                    stage: "joint refinement",
+                    detail: "a motion's homography fits no camera over the floor".into(),
+                });
+            }
+            adjust(scene, &frame, &setup.tracks, starts, &options)
         };
         let scene = if both_sides { SceneModel::Directions } else { SceneModel::Floor };
-        let bundle = attempt(scene, &setup)?;
-        let images = std::mem::take(&mut setup.images);
+        let bundle = attempt(scene)?;
+        let images = setup.images;
         Ok(Some(Joint::new(bundle, images, options.tangential, &frame)))
+    }
+
+    /// Attitudes of the groups as their circular points say under a camera matrix.
+    fn attitudes_under(
+        &self,
+        k: &Intrinsics,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        used: &[usize],
+        solution: &CameraSolution,
+    ) -> Vec<Matrix3<f64>> {
+        let of = |group: &AttitudeGroup| {
+            let members = group.members.iter().map(|&m| used[m]);
+            let seen = members.flat_map(|i| results[i].inliers().iter().map(move |&k| pairs[i].matches[k].a));
+            let attitude = Attitude::of(&group.fused.point, k, &self.frame(), seen);
+            attitude_rotation(attitude.pitch_down_rad, attitude.roll_rad)
+        };
+        solution.groups.iter().map(of).collect()
     }
 
     fn setup(
@@ -216,18 +243,11 @@ impl Pipeline<'_> {
             used.iter().flat_map(|&i| [pairs[i].from, pairs[i].to]).collect::<std::collections::BTreeSet<_>>().into_iter().collect();
         let view = |image: usize| images.binary_search(&image).unwrap_or(0);
         let mut group_of_view = vec![0; images.len()];
-        let mut attitudes = Vec::with_capacity(solution.groups.len());
         for (g, group) in solution.groups.iter().enumerate() {
             for &m in &group.members {
                 group_of_view[view(pairs[used[m]].from)] = g;
                 group_of_view[view(pairs[used[m]].to)] = g;
             }
-            let seen = group.members.iter().flat_map(|&m| {
-                let i = used[m];
-                results[i].inliers().iter().map(move |&k| pairs[i].matches[k].a)
-            });
-            let attitude = Attitude::of(&group.fused.point, &solution.intrinsics, &self.frame(), seen);
-            attitudes.push(attitude_rotation(attitude.pitch_down_rad, attitude.roll_rad));
         }
         let mut links = Vec::new();
         let (mut noise_sum, mut noise_weight) = (0.0, 0.0);
@@ -267,7 +287,7 @@ impl Pipeline<'_> {
         }
         let kept_variance = if cut { 0.5 * chi_squared_2_mean_below(chi_squared_2_quantile(1.0 - KEPT)) } else { 1.0 };
         let tracks = join_matches(&matches);
-        Some(Setup { images, group_of_view, attitudes, links, tracks, kept_variance })
+        Some(Setup { images, group_of_view, links, tracks, kept_variance })
     }
 }
 

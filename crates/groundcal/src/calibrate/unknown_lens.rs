@@ -16,7 +16,7 @@ use crate::{
 
 /// Priors of k1 and k2, lenses from wide to long.
 pub(super) const K1_SIGMA: f64 = 0.3;
-pub(super) const K2_SIGMA: f64 = 0.1;
+pub(super) const K2_SIGMA: f64 = 0.3;
 /// Centre of distortion: deviation from the assumed principal point, as a fraction of the width, before it is known better.
 const CENTRE_SIGMA: f64 = 0.05;
 /// Principal points known better than this fraction of the width become the centre of distortion.
