@@ -98,6 +98,28 @@ impl CameraOptions {
     }
 }
 
+impl CameraOptions {
+    /// What the priors were and what the covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units, says they were worth.
+    pub fn prior_uses(&self, frame: &Frame, covariance: &SMatrix<f64, 5, 5>) -> Vec<PriorUse> {
+        let scale = frame.scale_px;
+        let units = [1.0, self.aspect, scale, scale, scale];
+        let names = ["fx", "aspect", "cx", "cy", "skew"];
+        let origins = [0.0, 0.0, frame.origin_px.x, frame.origin_px.y, 0.0];
+        let priors = self.priors(frame);
+        (0..5)
+            .filter_map(|i| {
+                let (mean, sigma) = priors.0[i]?;
+                Some(PriorUse {
+                    parameter: names[i],
+                    mean: if i == 1 { mean.exp() } else { mean * units[i] + origins[i] },
+                    sigma: sigma * units[i],
+                    posterior_over_prior: covariance[(i, i)].max(0.0).sqrt() / sigma,
+                })
+            })
+            .collect()
+    }
+}
+
 /// The camera of a set of motions given in `frame` coordinates.
 ///
 /// # Errors
@@ -133,7 +155,7 @@ pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) 
         groups = regroup(&groups, motions, &intrinsics_of(&solution.parameters), sigma);
         solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
     }
-    let mut out = in_pixels(groups, solution, options, &priors, frame);
+    let mut out = in_pixels(groups, solution, options, frame);
     (out.attitude_sigma_rad, out.attitude_sigma_estimated) = (sigma, estimated);
     Ok(out)
 }
@@ -327,7 +349,6 @@ fn in_pixels(
     groups: Vec<AttitudeGroup>,
     s: ConicSolution,
     options: &CameraOptions,
-    priors: &Priors,
     frame: &Frame,
 ) -> CameraSolution {
     let mut intrinsics = frame.intrinsics_to_pixel(&s.intrinsics());
@@ -348,26 +369,12 @@ fn in_pixels(
         jacobian[(i, i)] = scale;
     }
     let free = options.constraint.free();
-    let units = [1.0, options.aspect, scale, scale, scale];
-    let names = ["fx", "aspect", "cx", "cy", "skew"];
-    let origins = [0.0, 0.0, frame.origin_px.x, frame.origin_px.y, 0.0];
-    let prior_uses = (0..5)
-        .filter_map(|i| {
-            let (mean, sigma) = priors.0[i]?;
-            Some(PriorUse {
-                parameter: names[i],
-                mean: if i == 1 { mean.exp() } else { mean * units[i] + origins[i] },
-                sigma: sigma * units[i],
-                posterior_over_prior: s.covariance[(i, i)].max(0.0).sqrt() / sigma,
-            })
-        })
-        .collect();
     CameraSolution {
         intrinsics,
         covariance_px: jacobian * s.covariance * jacobian.transpose() * variance_inflation,
         // fy moves with fx when the ratio is held.
         estimated: [free[0], free[0], free[2], free[3], free[4]],
-        priors: prior_uses,
+        priors: options.prior_uses(frame, &s.covariance),
         groups,
         chi_squared: s.chi_squared,
         degrees_of_freedom: s.degrees_of_freedom,

@@ -27,6 +27,7 @@ fn rmse_is_near_the_bound_and_the_intervals_hold() {
     let options = Options {
         constraint: Constraint::ZeroSkew,
         attitude_sigma_deg: Some(0.0),
+        height_sigma: Some(0.0),
         pairs: Some(vec![(0, 1), (2, 3), (4, 5)]),
         estimate_distortion: false,
         ..Options::default()
@@ -55,6 +56,7 @@ fn rmse_is_near_the_bound_and_the_intervals_hold() {
     let constant = (mean_square(&|t| t.error[0]) / mean_square(&|t| t.bound[0])).sqrt();
     let free = (mean_square(&|t| t.error[0]) / mean_square(&|t| t.bound[1])).sqrt();
     println!("RMSE of fx over the bound: {constant:.3} (constant height), {free:.3} (height free); {TRIALS} trials");
+    println!("stated over bound {:.3}", (mean_square(&|t| t.sigma[0]) / mean_square(&|t| t.bound[0])).sqrt());
     println!(
         "RMSE of fx {:.3} px, bias {:.3} px",
         mean_square(&|t| t.error[0]).sqrt(),

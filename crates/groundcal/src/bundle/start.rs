@@ -6,7 +6,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use super::{
-    model::{CameraVector, GroupState, Pose, SceneModel, ViewState},
+    model::{CameraVector, GroupState, SceneModel, ViewState},
     problem::State,
 };
 use crate::{homography::Homography, intrinsics::Intrinsics};
@@ -99,6 +99,24 @@ fn pose_from_floor(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     (centre.z > 1e-6 && centre.iter().all(|v| v.is_finite())).then_some((rotation, centre))
 }
 
+/// Rotations of cameras that turn on the spot, from those of the first: camera from world coordinates, along the best links.
+/// `None` when the links do not connect all of them.
+pub fn rotations_from_links(first: Matrix3<f64>, count: usize, k_px: &Intrinsics, links: &[Link]) -> Option<Vec<Matrix3<f64>>> {
+    let (k, k_inverse) = (k_px.matrix(), k_px.inverse_matrix());
+    let mut rotations = vec![None; count];
+    *rotations.first_mut()? = Some(first);
+    let mut order: Vec<&Link> = links.iter().collect();
+    order.sort_by_key(|l| std::cmp::Reverse(l.matches));
+    while let Some(l) = order.iter().find(|l| rotations[l.from].is_some() != rotations[l.to].is_some()) {
+        let (known, new, h) = match rotations[l.from] {
+            Some(r) => (r, l.to, l.h_to_from),
+            None => (rotations[l.to]?, l.from, l.h_to_from.inverse()),
+        };
+        rotations[new] = Some(nearest_rotation(&(k_inverse * h.matrix() * k))? * known);
+    }
+    rotations.into_iter().collect()
+}
+
 /// The rotation nearest to a multiple of one.
 fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     let det = m.determinant();
@@ -107,9 +125,4 @@ fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
     }
     let m = m / det.cbrt();
     m.iter().all(|v| v.is_finite()).then(|| Rotation3::from_matrix_eps(&m, 1e-12, 100, Rotation3::identity()).into_inner())
-}
-
-/// Poses of all views, for those who look at a state from outside.
-pub fn poses(scene: SceneModel, state: &State) -> Vec<Pose> {
-    state.views.iter().map(|v| Pose::new(scene, &state.groups[v.group], v)).collect()
 }

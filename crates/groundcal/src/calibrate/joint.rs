@@ -14,7 +14,7 @@ use crate::{
     attitude::attitude_rotation,
     attitude_groups::{AttitudeGroup, Sides},
     bundle::{
-        Bundle, BundleOptions, CAMERA, CameraVector, Observation, SceneModel, Track, ViewEstimate, adjust, disagreement,
+        Bundle, BundleOptions, CAMERA, CameraVector, Observation, SceneModel, State, Track, ViewEstimate, adjust, disagreement,
         start::{Link, state_from_links},
         tracks::join_matches,
     },
@@ -23,7 +23,7 @@ use crate::{
     distortion::Distortion,
     error::Error,
     frame::Frame,
-    homography::robust::KEPT,
+    homography::{RobustHomography, robust::KEPT},
     intrinsics::Intrinsics,
     levenberg_marquardt::StopReason,
     result::{Refinement, ViewReport},
@@ -130,10 +130,8 @@ impl Joint {
 }
 
 /// What the joint refinement is given.
-struct Setup {
-    images: Vec<usize>,
-    group_of_view: Vec<usize>,
-    links: Vec<Link>,
+pub(super) struct Setup {
+    pub(super) links: Vec<Link>,
     tracks: Vec<Track>,
     kept_variance: f64,
 }
@@ -173,45 +171,65 @@ impl Pipeline<'_> {
         known: &KnownLens,
         options: &BundleOptions,
     ) -> Result<Option<Joint>, Error> {
-        let frame = self.frame();
         let used = chosen.used();
-        let Some(setup) = self.setup(pairs, results, &used, solution) else { return Ok(None) };
+        let images = images_of(&used, pairs);
+        let mut group_of_view = vec![0; images.len()];
+        for (g, group) in solution.groups.iter().enumerate() {
+            for i in group.members.iter().map(|&m| used[m]) {
+                for image in [pairs[i].from, pairs[i].to] {
+                    group_of_view[view_in(&images, image)] = g;
+                }
+            }
+        }
+        let Some(setup) = self.setup(pairs, results, &used, &images) else { return Ok(None) };
+        let both_sides = chosen.motions.iter().any(|(i, m)| used.contains(i) && m.sides == Sides::Both);
+        let scene = if both_sides { SceneModel::Directions } else { SceneModel::Floor };
+        // A focal length that the linear solution hardly knows may be another.
+        let vague = solution.covariance_px[(0, 0)].sqrt() > VAGUE * solution.intrinsics.fx;
+        let factors: &[f64] = if vague { &[1.0, 0.8, 1.25] } else { &[1.0] };
+        let start = |factor: &f64| {
+            let k = &solution.intrinsics;
+            let k = Intrinsics { fx: k.fx * factor, fy: k.fy * factor, ..*k };
+            let attitudes = self.attitudes_under(&k, pairs, results, &used, solution);
+            state_from_links(scene, self.camera_vector(&k, known), &k, &attitudes, &group_of_view, &setup.links)
+        };
+        let starts = factors.iter().filter_map(start).collect();
+        self.adjusted(scene, setup, images, starts, options).map(Some)
+    }
+
+    /// Refines from starts.
+    pub(super) fn adjusted(
+        &self,
+        scene: SceneModel,
+        setup: Setup,
+        images: Vec<usize>,
+        starts: Vec<State>,
+        options: &BundleOptions,
+    ) -> Result<Joint, Error> {
+        if starts.is_empty() {
+            return Err(Error::Numerical {
+                stage: "joint refinement",
+                detail: "the homographies of the motions fit no camera".into(),
+            });
+        }
+        let options = BundleOptions { kept_variance: setup.kept_variance, ..*options };
+        let bundle = adjust(scene, &self.frame(), &setup.tracks, starts, &options)?;
+        Ok(Joint::new(bundle, images, options.tangential, &self.frame()))
+    }
+
+    /// Camera matrix and lens as the refinement starts from them.
+    pub(super) fn camera_vector(&self, k: &Intrinsics, known: &KnownLens) -> CameraVector {
         let lens = match known {
             KnownLens::NotModelled => Distortion::default(),
             KnownLens::Given(lens) => lens.distortion,
             KnownLens::Estimated(finding) => {
-                finding.lens().map_or(Distortion::default(), |l| l.with_focal_length(solution.intrinsics.fx).distortion)
+                finding.lens().map_or(Distortion::default(), |l| l.with_focal_length(k.fx).distortion)
             }
         };
         let mut camera = CameraVector::zeros();
-        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&solution.intrinsics, &frame));
+        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(k, &self.frame()));
         (camera[5], camera[6]) = (lens.k1, lens.k2);
-        let options = BundleOptions { kept_variance: setup.kept_variance, ..*options };
-        let both_sides = chosen.motions.iter().any(|(i, m)| used.contains(i) && m.sides == Sides::Both);
-        let start = |scene: SceneModel, f_factor: f64| {
-            let k = Intrinsics { fx: solution.intrinsics.fx * f_factor, fy: solution.intrinsics.fy * f_factor, ..solution.intrinsics };
-            let mut camera = camera;
-            camera[0] += f_factor.ln();
-            let attitudes = self.attitudes_under(&k, pairs, results, &used, solution);
-            state_from_links(scene, camera, &k, &attitudes, &setup.group_of_view, &setup.links)
-        };
-        // A focal length that the linear solution hardly knows may be another.
-        let vague = solution.covariance_px[(0, 0)].sqrt() > VAGUE * solution.intrinsics.fx;
-        let factors: &[f64] = if vague { &[1.0, 0.8, 1.25] } else { &[1.0] };
-        let attempt = |scene: SceneModel| {
-            let starts: Vec<_> = factors.iter().filter_map(|f| start(scene, *f)).collect();
-            if starts.is_empty() {
-                return Err(Error::Numerical {
-                    stage: "joint refinement",
-                    detail: "a motion's homography fits no camera over the floor".into(),
-                });
-            }
-            adjust(scene, &frame, &setup.tracks, starts, &options)
-        };
-        let scene = if both_sides { SceneModel::Directions } else { SceneModel::Floor };
-        let bundle = attempt(scene)?;
-        let images = setup.images;
-        Ok(Some(Joint::new(bundle, images, options.tangential, &frame)))
+        camera
     }
 
     /// Attitudes of the groups as their circular points say under a camera matrix.
@@ -232,27 +250,19 @@ impl Pipeline<'_> {
         solution.groups.iter().map(of).collect()
     }
 
-    fn setup(
+    /// Links and tracks of the pairs `used`, views numbered as in `images`. `None` when there are no matches.
+    pub(super) fn setup(
         &self,
         pairs: &[ImagePair],
         results: &[PairResult],
         used: &[usize],
-        solution: &CameraSolution,
+        images: &[usize],
     ) -> Option<Setup> {
-        let images: Vec<usize> =
-            used.iter().flat_map(|&i| [pairs[i].from, pairs[i].to]).collect::<std::collections::BTreeSet<_>>().into_iter().collect();
-        let view = |image: usize| images.binary_search(&image).unwrap_or(0);
-        let mut group_of_view = vec![0; images.len()];
-        for (g, group) in solution.groups.iter().enumerate() {
-            for &m in &group.members {
-                group_of_view[view(pairs[used[m]].from)] = g;
-                group_of_view[view(pairs[used[m]].to)] = g;
-            }
-        }
+        let view = |image: usize| view_in(images, image);
         let mut links = Vec::new();
         let (mut noise_sum, mut noise_weight) = (0.0, 0.0);
         for &i in used {
-            let (robust, _) = results[i].outcome.as_ref().ok()?;
+            let robust = results[i].robust()?;
             links.push(Link {
                 from: view(pairs[i].from),
                 to: view(pairs[i].to),
@@ -270,7 +280,7 @@ impl Pipeline<'_> {
         let mut matches: Vec<[Observation; 2]> = Vec::new();
         let mut cut = false;
         for &i in used {
-            let (robust, _) = results[i].outcome.as_ref().ok()?;
+            let robust = results[i].robust()?;
             let n = robust.inliers.len() as f64;
             let common = if robust.patches == results[used[0]].has_patches() { COMMON_NOISE_MATCHES } else { 0.0 };
             let noise = (n * robust.estimate.sigma_px.powi(2) + common * noise_sum / noise_weight) / (n + common);
@@ -287,18 +297,36 @@ impl Pipeline<'_> {
         }
         let kept_variance = if cut { 0.5 * chi_squared_2_mean_below(chi_squared_2_quantile(1.0 - KEPT)) } else { 1.0 };
         let tracks = join_matches(&matches);
-        Some(Setup { images, group_of_view, links, tracks, kept_variance })
+        Some(Setup { links, tracks, kept_variance })
     }
 }
 
+/// Images of the pairs `used`, ascending.
+pub(super) fn images_of(used: &[usize], pairs: &[ImagePair]) -> Vec<usize> {
+    let all: std::collections::BTreeSet<usize> = used.iter().flat_map(|&i| [pairs[i].from, pairs[i].to]).collect();
+    all.into_iter().collect()
+}
+
+fn view_in(images: &[usize], image: usize) -> usize {
+    images.binary_search(&image).unwrap_or(0)
+}
+
 impl PairResult {
+    /// The homography, whether or not it shows a turn.
+    pub(super) fn robust(&self) -> Option<&RobustHomography> {
+        match &self.outcome {
+            Ok((robust, _)) => Some(robust),
+            Err(refusal) => refusal.homography.as_deref(),
+        }
+    }
+
     /// Indices of the matches on the plane; none without a homography.
     pub(super) fn inliers(&self) -> &[usize] {
         self.outcome.as_ref().map_or(&[], |(robust, _)| &robust.inliers)
     }
 
     fn has_patches(&self) -> bool {
-        self.outcome.as_ref().is_ok_and(|(robust, _)| robust.patches)
+        self.robust().is_some_and(|r| r.patches)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Pipeline, pairs::PairResult, report::KnownLens};
+use super::{Method, Pipeline, joint::images_of, pairs::PairResult, report::KnownLens, turning::Turning};
 use crate::{
     attitude_groups::{Motion, Sides},
     camera::{CameraOptions, CameraSolution, solve_camera},
@@ -21,7 +21,7 @@ const SEARCH_PRINCIPAL_POINT_SIGMA: f64 = 0.1;
 /// Least deviation of the attitudes in the search: what is left of lens distortion and of a scene that is not quite a plane
 /// moves circular points by more than the noise says, and a motion is not to be lost for it. Pairs of images of different
 /// attitudes are off by degrees.
-const SEARCH_ATTITUDE_SIGMA_DEG: f64 = 0.3;
+const SEARCH_ATTITUDE_SIGMAS_DEG: [f64; 3] = [0.3, 1.0, 2.5];
 /// Deviation of the k1 that the search takes to be still there, given or not: a given one has its own error and no lens has
 /// k1 alone.
 const SEARCH_K1_SIGMA: f64 = 0.05;
@@ -33,6 +33,14 @@ const MINOR_SIDE: f64 = 0.05;
 /// Squared distance beyond which a motion disagrees with the camera of the others: 99.9 % of chi-squared with two degrees
 /// of freedom.
 const MOTION_GATE: f64 = 13.8;
+
+/// What the images turned out to show.
+pub(super) enum Scenario {
+    /// Turns about the normal of a floor.
+    Motions(Chosen),
+    /// A camera turning on the spot, about any axes.
+    Turning(Turning),
+}
 
 /// The motions among the pairs, and what became of each.
 pub(super) struct Chosen {
@@ -91,7 +99,12 @@ impl Pipeline<'_> {
                 return self.run_unknown_lens(pairs, trusted, warnings);
             }
             let results = self.homographies(&pairs, None);
-            let chosen = self.select(&results, &pairs, trusted)?;
+            let chosen = match self.choose(&results, &pairs, trusted, &KnownLens::NotModelled)? {
+                Scenario::Motions(chosen) => chosen,
+                Scenario::Turning(turning) => {
+                    return self.conclude_turning(pairs, results, &turning, warnings, &KnownLens::NotModelled, None);
+                }
+            };
             let (pairs, results) = self.sharpen(pairs, results, &chosen.used(), None);
             return self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, &KnownLens::NotModelled);
         }
@@ -103,6 +116,14 @@ impl Pipeline<'_> {
             intrinsics: Intrinsics::square(self.size.width.max(self.size.height) as f64, cx, cy),
         };
         let mut amplification = 1.0;
+        if self.options.method == Method::Joint {
+            // Which scene it is does not hang on the exact lens.
+            let results = self.homographies(&pairs, Some(&lens));
+            if let Ok(Scenario::Turning(turning)) = self.choose(&results, &pairs, trusted, &KnownLens::Given(lens)) {
+                let given = KnownLens::Given(lens);
+                return self.conclude_turning(pairs, results, &turning, warnings, &given, Some(&lens));
+            }
+        }
         for _ in 0..2 {
             let results = self.homographies(&pairs, Some(&lens));
             let used = self.select(&results, &pairs, trusted)?.used();
@@ -126,6 +147,28 @@ impl Pipeline<'_> {
         Ok(out)
     }
 
+    /// Plane-normal motions, or a camera that turns on the spot about any axes where that explains more of the images.
+    pub(super) fn choose(
+        &self,
+        results: &[PairResult],
+        pairs: &[ImagePair],
+        trusted: bool,
+        known: &KnownLens,
+    ) -> Result<Scenario, Error> {
+        let selected = self.select(results, pairs, trusted);
+        if trusted || self.options.method == Method::Linear {
+            return selected.map(Scenario::Motions);
+        }
+        // A pan about one axis is explained by both, and then it is motions of one attitude, which is more to know.
+        let used = selected.as_ref().map_or(Vec::new(), Chosen::used);
+        let joined = images_of(&used, pairs).len();
+        let explains_more = |t: &Turning| t.images > joined || (t.images == joined && 4 * used.len() < 3 * t.used.len());
+        match self.turning(pairs, results, known) {
+            Some(turning) if explains_more(&turning) => Ok(Scenario::Turning(turning)),
+            _ => selected.map(Scenario::Motions),
+        }
+    }
+
     /// Consistent motions among the pairs with circular points: indices of pairs, and a verdict each.
     pub(super) fn select(&self, results: &[PairResult], pairs: &[ImagePair], trusted: bool) -> Result<Chosen, Error> {
         let frame = self.frame();
@@ -147,20 +190,28 @@ impl Pipeline<'_> {
             let verdicts = vec![Verdict::Accepted; bare.len()];
             return Ok(Chosen { motions, verdicts });
         }
-        let consistency = ConsistencyOptions {
-            attitude_sigma_rad: self
-                .options
-                .attitude_sigma_deg
-                .unwrap_or(0.0)
-                .max(SEARCH_ATTITUDE_SIGMA_DEG)
-                .to_radians(),
-            k1_sigma: SEARCH_K1_SIGMA,
-            direction_sigma: SEARCH_DIRECTION_SIGMA,
-            principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * self.size.width as f64 / frame.scale_px,
-            aspect: self.options.aspect.unwrap_or(1.0),
-            gate: MOTION_GATE,
+        let search = |sigma_deg: f64| {
+            let consistency = ConsistencyOptions {
+                attitude_sigma_rad: self.options.attitude_sigma_deg.unwrap_or(0.0).max(sigma_deg).to_radians(),
+                k1_sigma: SEARCH_K1_SIGMA,
+                direction_sigma: SEARCH_DIRECTION_SIGMA,
+                principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * self.size.width as f64 / frame.scale_px,
+                aspect: self.options.aspect.unwrap_or(1.0),
+                gate: MOTION_GATE,
+            };
+            find_consistent(&bare, &consistency)
         };
-        let selection = find_consistent(&bare, &consistency);
+        // A carrier that pitches or an arm that is not quite aligned: the axes may stray more than is usual.
+        let mut selection = search(SEARCH_ATTITUDE_SIGMAS_DEG[0]);
+        for sigma_deg in &SEARCH_ATTITUDE_SIGMAS_DEG[1..] {
+            if selection.log_odds >= selection.needed_log_odds || self.options.attitude_sigma_deg.is_some() {
+                break;
+            }
+            let wider = search(*sigma_deg);
+            if wider.log_odds > selection.log_odds {
+                selection = wider;
+            }
+        }
         // Of two motions that disagree the better one is used, with a warning; from three on, agreement is asked for.
         if bare.len() >= 3 && selection.log_odds < selection.needed_log_odds {
             let agreeing = selection.verdicts.iter().filter(|v| **v == Verdict::Accepted).count();

@@ -9,6 +9,7 @@ mod linear;
 mod pairs;
 mod patches;
 mod report;
+mod turning;
 mod unknown_lens;
 
 use rayon::prelude::*;

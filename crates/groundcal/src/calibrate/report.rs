@@ -89,24 +89,6 @@ impl Pipeline<'_> {
             solution.covariance_px += added;
             lens_share = (added[(0, 0)] / solution.covariance_px[(0, 0)]).sqrt();
         }
-        let lens = LensResult::new(known, joint.as_ref(), &solution);
-        let percent = 100.0 * lens_share * solution.covariance_px[(0, 0)].sqrt() / solution.intrinsics.fx;
-        if let Some(k1_sigma) = lens.k1_sigma
-            && lens_share > 0.8
-            && percent > 1.0
-        {
-            warnings.push(Warning::DistortionUncertain { percent, k1_sigma });
-        }
-
-        for (pair, result) in pairs.iter().zip(results) {
-            if result.background() > 0 {
-                warnings.push(Warning::StaticBackground {
-                    from: self.names[pair.from].clone(),
-                    to: self.names[pair.to].clone(),
-                    matches: result.background(),
-                });
-            }
-        }
         let matched = pairs.iter().any(|p| !p.matches.is_empty());
         if matches!(known, KnownLens::NotModelled) && matched {
             // An unmodelled k1 of the true lens shows as the change that undoing it would make, the other way round.
@@ -120,7 +102,39 @@ impl Pipeline<'_> {
                 barrel_percent: f_if(-0.05).unwrap_or(f64::INFINITY),
             });
         }
+        Ok(self.report(pairs, results, Concluded { solution, joint, lens_share, chosen, used }, warnings, known))
+    }
+
+    /// Everything that is reported of a solution.
+    pub(super) fn report(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        concluded: Concluded,
+        mut warnings: Vec<Warning>,
+        known: &KnownLens,
+    ) -> Calibration {
+        let Concluded { solution, joint, lens_share, chosen, used } = concluded;
+        let lens = LensResult::new(known, joint.as_ref(), &solution);
+        let percent = 100.0 * lens_share * solution.covariance_px[(0, 0)].sqrt() / solution.intrinsics.fx;
+        if let Some(k1_sigma) = lens.k1_sigma
+            && lens_share > 0.8
+            && percent > 1.0
+        {
+            warnings.push(Warning::DistortionUncertain { percent, k1_sigma });
+        }
+        for (pair, result) in pairs.iter().zip(results) {
+            if result.background() > 0 {
+                warnings.push(Warning::StaticBackground {
+                    from: self.names[pair.from].clone(),
+                    to: self.names[pair.to].clone(),
+                    matches: result.background(),
+                });
+            }
+        }
         let attitudes: Vec<Attitude> = match &joint {
+            // Without plane-normal motions there is no floor to have an attitude to.
+            Some(_) if solution.groups.is_empty() => Vec::new(),
             Some(joint) => joint.bundle.groups.iter().map(|g| Attitude::from_up(g.up, &solution.intrinsics)).collect(),
             None => {
                 let of = |group: &AttitudeGroup| {
@@ -132,7 +146,7 @@ impl Pipeline<'_> {
             }
         };
         self.add_warnings(&mut warnings, &solution, &attitudes, used.len());
-        let motion_reports = self.motion_reports(pairs, results, &chosen, &solution, &attitudes);
+        let motion_reports = self.motion_reports(pairs, results, &chosen, &used, &solution, &attitudes);
         let reports = solution
             .groups
             .iter()
@@ -152,7 +166,7 @@ impl Pipeline<'_> {
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        Ok(self.assemble(&solution, joint.as_ref(), &lens, reports, motion_reports, &warnings))
+        self.assemble(&solution, joint.as_ref(), &lens, reports, motion_reports, &warnings)
     }
 
     fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
@@ -198,10 +212,11 @@ impl Pipeline<'_> {
         pairs: &[ImagePair],
         results: &[PairResult],
         chosen: &Chosen,
+        used: &[usize],
         solution: &CameraSolution,
         attitudes: &[Attitude],
     ) -> Vec<MotionReport> {
-        let (used, motions) = (chosen.used(), &chosen.motions);
+        let motions = &chosen.motions;
         let name = |i: usize| self.names[i].clone();
         pairs
             .iter()
@@ -229,8 +244,12 @@ impl Pipeline<'_> {
                             name(other.to)
                         ))
                     }
+                    (Ok(_), None) if position.is_none() => {
+                        Some("not explained by a camera that turns on the spot, as the others are".to_string())
+                    }
                     _ => None,
                 };
+                let reason = reason.filter(|_| position.is_none());
                 let robust = match &result.outcome {
                     Ok((robust, _)) => Some(robust),
                     Err(refusal) => refusal.homography.as_deref(),
@@ -362,6 +381,17 @@ pub(super) fn amplify(c: &mut Calibration, factor: f64) {
     if percent > LARGE_UNCERTAINTY_PERCENT {
         c.warnings.push(warning.report());
     }
+}
+
+/// A solution and what it came from.
+pub(super) struct Concluded {
+    pub(super) solution: CameraSolution,
+    pub(super) joint: Option<Joint>,
+    /// How much of the deviation of f comes from the lens.
+    pub(super) lens_share: f64,
+    pub(super) chosen: Chosen,
+    /// Indices of the pairs used.
+    pub(super) used: Vec<usize>,
 }
 
 /// The lens as it is reported.

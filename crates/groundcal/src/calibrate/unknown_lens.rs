@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix4, SMatrix, SVector};
 
-use super::{Pipeline, linear::Chosen, pairs::PairResult, report::KnownLens};
+use super::{Pipeline, linear::{Chosen, Scenario}, pairs::PairResult, report::KnownLens};
 use crate::{
     camera::{CameraOptions, CameraSolution, solve_camera},
     correspondence::{ImagePair, PointMatch},
@@ -80,7 +80,13 @@ impl Pipeline<'_> {
             }
         }
         let lens = finding.as_ref().and_then(LensFinding::lens).copied();
-        let mut chosen = self.select(&results, &pairs, trusted)?;
+        let known = finding.clone().map_or(KnownLens::NotModelled, KnownLens::Estimated);
+        let mut chosen = match self.choose(&results, &pairs, trusted, &known)? {
+            Scenario::Motions(chosen) => chosen,
+            Scenario::Turning(turning) => {
+                return self.conclude_turning(pairs, results, &turning, warnings, &known, lens.as_ref());
+            }
+        };
         let (pairs, mut results) = self.sharpen(pairs, results, &chosen.used(), lens.as_ref());
         // Again from the motions alone, patches and all, about the principal point that they give.
         for _ in 0..3 {

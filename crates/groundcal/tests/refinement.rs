@@ -1,0 +1,210 @@
+//! The joint refinement against truth: exact data, the Cramér-Rao bound, full turns, panoramas, screw motions, axes that stray.
+
+#![allow(clippy::expect_used)] // a test or benchmark may end in a panic
+
+use groundcal::{
+    absolute_conic::Constraint,
+    attitude::rotation_cam_from_world,
+    calibrate::{Method, Options, Silent, calibrate_matches},
+    correspondence::{ImagePair, PointMatch},
+    distortion::Distortion,
+    error::Error,
+    image::ImageSize,
+    intrinsics::Intrinsics,
+    result::Calibration,
+    synthetic::points::{MotionSpec, PointScene},
+};
+use nalgebra::{Matrix3, Vector2, Vector3};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+use rayon::prelude::*;
+
+fn names(count: usize) -> Vec<String> {
+    (0..count).map(|i| i.to_string()).collect()
+}
+
+fn calibrate(scene: &PointScene, options: &Options) -> Result<Calibration, Error> {
+    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, options, &Silent)
+}
+
+/// Matches of all pairs of views that turn on the spot before points in all directions.
+fn turning_pairs(
+    rotations: &[Matrix3<f64>],
+    k: &Intrinsics,
+    lens: &Distortion,
+    size: ImageSize,
+    count: usize,
+    sigma_px: f64,
+    seed: u64,
+) -> Vec<ImagePair> {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let normal = |rng: &mut Pcg64Mcg| -> f64 { StandardNormal.sample(rng) };
+    let directions: Vec<Vector3<f64>> =
+        (0..count).map(|_| Vector3::from_fn(|_, _| normal(&mut rng)).normalize()).collect();
+    let inside = |p: &Vector2<f64>| {
+        p.x >= 0.0 && p.y >= 0.0 && p.x <= size.width as f64 - 1.0 && p.y <= size.height as f64 - 1.0
+    };
+    let views: Vec<Vec<Option<Vector2<f64>>>> = rotations
+        .iter()
+        .map(|r| {
+            directions
+                .iter()
+                .map(|d| {
+                    let x = r * d;
+                    let n = Vector2::new(x.x / x.z, x.y / x.z);
+                    let noise = Vector2::new(normal(&mut rng), normal(&mut rng)) * sigma_px;
+                    let p = k.pixel_from_normalised(&lens.distort(&n)) + noise;
+                    (x.z > 0.2 && inside(&p)).then_some(p)
+                })
+                .collect()
+        })
+        .collect();
+    let mut pairs = Vec::new();
+    for from in 0..views.len() {
+        for to in from + 1..views.len() {
+            let both = views[from].iter().zip(&views[to]);
+            let matches: Vec<PointMatch> =
+                both.filter_map(|(a, b)| Some(PointMatch { a: (*a)?, b: (*b)?, sigma_px: 1.0 })).collect();
+            if matches.len() >= 20 {
+                pairs.push(ImagePair { from, to, matches });
+            }
+        }
+    }
+    pairs
+}
+
+#[test]
+fn a_full_turn_on_the_spot_closes_and_gives_lens_and_focal_length() {
+    // A level camera before a room: points above and below the horizon.
+    let (size, k) = (ImageSize::new(512, 384), Intrinsics::square(420.0, 252.0, 195.0));
+    let lens = Distortion::radial(-0.15, 0.02);
+    let rotations: Vec<Matrix3<f64>> =
+        (0..18).map(|i| rotation_cam_from_world(0.05, 0.02, (20.0 * f64::from(i)).to_radians())).collect();
+    let mut errors = Vec::new();
+    let mut alone = Vec::new();
+    for seed in 0..3 {
+        let pairs = turning_pairs(&rotations, &k, &lens, size, 1500, 0.3, seed);
+        let c = calibrate_matches(&names(18), size, &pairs, &Options::default(), &Silent).expect("a camera");
+        assert_eq!(c.scene, Some("directions"));
+        assert_eq!(c.attitudes.len(), 1, "one attitude");
+        let sigma = c.standard_deviation.fx.expect("estimated");
+        let error = c.camera.fx - k.fx;
+        assert!(error.abs() < 4.0 * sigma, "seed {seed}: {error} +- {sigma}");
+        errors.push((error / k.fx).abs());
+        let last = c.views.iter().find(|v| v.image == "17").expect("the last view");
+        assert!((last.yaw_deg + 20.0).abs() < 0.1, "the turn is closed: {}", last.yaw_deg);
+        // Pairs by themselves, the lens ignored.
+        let linear = Options { method: Method::Linear, estimate_distortion: false, ..Options::default() };
+        if let Ok(c) = calibrate_matches(&names(18), size, &pairs, &linear, &Silent) {
+            alone.push((c.camera.fx / k.fx - 1.0).abs());
+        }
+    }
+    println!("relative errors of f: {errors:.5?}; pairs alone, lens ignored: {alone:.4?}");
+    assert!(errors.iter().all(|e| *e < 0.002), "{errors:?}");
+    assert!(alone.iter().all(|e| *e > 0.02), "{alone:?}");
+}
+
+#[test]
+fn four_views_of_a_panorama_about_different_axes() {
+    let (size, k) = (ImageSize::new(1024, 768), Intrinsics::square(900.0, 505.0, 390.0));
+    let angles = [(0.0, 0.0, 0.0), (0.05, 0.1, 0.35), (0.3, -0.2, 0.1), (-0.25, 0.15, 0.3)];
+    let rotations: Vec<Matrix3<f64>> = angles.iter().map(|(p, r, y)| rotation_cam_from_world(*p, *r, *y)).collect();
+    for lens in [Distortion::default(), Distortion::radial(-0.1, 0.0)] {
+        for seed in 0..5 {
+            let pairs = turning_pairs(&rotations, &k, &lens, size, 8000, 0.3, seed);
+            let c = calibrate_matches(&names(4), size, &pairs, &Options::default(), &Silent).expect("a camera");
+            assert_eq!(c.scene, Some("directions"));
+            assert_eq!(c.views.len(), 4, "all views are used");
+            let (error, sigma) = (c.camera.fx - k.fx, c.standard_deviation.fx.expect("estimated"));
+            println!("k1 {} seed {seed}: f off by {error:.2} +- {sigma:.2} px", lens.k1);
+            assert!(error.abs() < 0.005 * k.fx && error.abs() < 4.0 * sigma, "{error} +- {sigma}");
+        }
+    }
+}
+
+#[test]
+fn two_images_of_a_screw_motion_with_a_long_lens() {
+    let size = ImageSize::new(1280, 960);
+    let f = 1.3 * size.width as f64;
+    let errors: Vec<f64> = (0..20)
+        .map(|seed| {
+            let mut motion = MotionSpec::about_axis(40f64.to_radians(), 0.1, 30f64.to_radians(), 0.3, 3.0);
+            motion.height_ratio = 1.2;
+            let scene = PointScene {
+                intrinsics: Intrinsics::square(f, 639.5, 479.5),
+                motions: vec![motion],
+                matches: 1000,
+                sigma_px: 0.1,
+                ..PointScene::nominal(seed)
+            };
+            let options = Options { constraint: Constraint::Focal, ..Options::default() };
+            let c = calibrate(&scene, &options).expect("a camera");
+            let sigma = c.standard_deviation.fx.expect("estimated");
+            assert!((c.camera.fx - f).abs() < 4.0 * sigma, "{} +- {sigma}", c.camera.fx);
+            (c.camera.fx / f - 1.0).abs()
+        })
+        .collect();
+    println!("relative errors of f: {errors:.5?}");
+    assert!(errors.iter().all(|e| *e < 0.005), "{errors:?}");
+}
+
+#[test]
+fn axes_that_stray_by_two_degrees_are_covered_by_the_error_bars() {
+    const TRIALS: u64 = 200;
+    let outcomes: Vec<Option<(f64, f64)>> = (0..TRIALS)
+        .into_par_iter()
+        .map(|seed| {
+            let mut rng = Pcg64Mcg::seed_from_u64(seed);
+            let mut stray = || -> f64 {
+                let normal: f64 = StandardNormal.sample(&mut rng);
+                normal * 2f64.to_radians() / 2f64.sqrt()
+            };
+            let motions: Vec<MotionSpec> = (0..8)
+                .map(|i| {
+                    let (pitch, roll) = (35.0 + 4.0 * f64::from(i), -40.0 + 11.0 * f64::from(i));
+                    let turn = if i % 2 == 0 { 30f64 } else { -40f64 };
+                    let mut m =
+                        MotionSpec::about_axis(pitch.to_radians(), roll.to_radians(), turn.to_radians(), 0.3, 2.0);
+                    m.attitude_error_rad = [stray(), stray()];
+                    m
+                })
+                .collect();
+            let scene = PointScene { motions, matches: 300, sigma_px: 0.3, ..PointScene::nominal(seed) };
+            let c = calibrate(&scene, &Options::default()).ok()?;
+            Some((c.camera.fx - scene.intrinsics.fx, c.standard_deviation.fx?))
+        })
+        .collect();
+    let answered: Vec<(f64, f64)> = outcomes.iter().flatten().copied().collect();
+    let within = answered.iter().filter(|(e, s)| e.abs() <= 3.0 * s).count();
+    let rms = (answered.iter().map(|(e, _)| e * e).sum::<f64>() / answered.len() as f64).sqrt();
+    let stated = (answered.iter().map(|(_, s)| s * s).sum::<f64>() / answered.len() as f64).sqrt();
+    println!("{} of {TRIALS} answered, {within} within 3 sd; rms error {rms:.1} px, stated {stated:.1} px", answered.len());
+    assert!(answered.len() as f64 >= 0.95 * TRIALS as f64);
+    assert!(within as f64 >= 0.95 * answered.len() as f64);
+}
+
+#[test]
+fn four_motions_of_one_attitude_do_not_determine_the_principal_point() {
+    let motion = |turn: f64| MotionSpec::about_axis(0.8, 0.2, turn.to_radians(), 0.3, 2.0);
+    let scene = |seed| PointScene {
+        motions: [20.0, 35.0, -30.0, 50.0].map(motion).to_vec(),
+        matches: 500,
+        sigma_px: 0.1,
+        ..PointScene::nominal(seed)
+    };
+    for seed in 0..10 {
+        for constraint in [Constraint::Full, Constraint::ZeroSkew, Constraint::Square] {
+            let options = Options { constraint, ..Options::default() };
+            assert!(calibrate(&scene(seed), &options).is_err(), "{constraint:?} is refused");
+        }
+        let c = calibrate(&scene(seed), &Options::default()).expect("held by the prior");
+        let sd = &c.standard_deviation;
+        let (cx, cy) = (sd.cx.expect("estimated"), sd.cy.expect("estimated"));
+        assert!(cx.hypot(cy) > 20.0, "the prior's width is left somewhere: {cx}, {cy}");
+        assert!(c.warnings.iter().any(|w| w.code == "single_attitude"));
+        let fx = sd.fx.expect("estimated");
+        assert!((c.camera.fx - 1000.0).abs() < 3.5 * fx, "{} +- {fx}", c.camera.fx);
+    }
+}
