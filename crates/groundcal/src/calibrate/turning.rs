@@ -32,7 +32,7 @@ const MIN_IMAGES: usize = 3;
 /// Largest ‖M Mᵀ - I‖ of a pair's M = K⁻¹ H K that passes for a rotation before distortion and noise are known.
 const MAX_DEVIATION: f64 = 0.1;
 /// Largest variance of the residuals under rotations over that under a homography for each pair.
-const MAX_VARIANCE: f64 = 9.0;
+const MAX_VARIANCE: f64 = 2.5;
 /// Focal lengths tried, in image widths.
 const FOCAL_RANGE: (f64, f64) = (0.3, 6.0);
 const FOCAL_STEPS: usize = 80;
