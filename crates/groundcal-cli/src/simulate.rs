@@ -232,6 +232,9 @@ fn figure(study: Study, rows: &[Row], trials: u32) -> Figure {
             "Turns of 15 degrees, less where the camera would move further than {MAX_SHIFT_M} m (axis beyond 3.8 m)."
         ));
     }
+    if study == Study::Axis {
+        notes.push("The bound is that of an axis whose error is known.".into());
+    }
     if study == Study::Noise {
         notes.push("Without noise all planar methods are exact: no point at 0 px.".into());
     }

@@ -103,13 +103,13 @@ pub struct Canvas {
 }
 
 const WIDTH: f64 = 800.0;
-const LEFT: f64 = 72.0;
+const LEFT: f64 = 66.0;
 const RIGHT: f64 = 14.0;
 const GAP: f64 = 24.0;
 const PANEL_HEIGHT: f64 = 290.0;
 const TITLE_HEIGHT: f64 = 34.0;
 const PANEL_TITLE_HEIGHT: f64 = 24.0;
-const TICKS_HEIGHT: f64 = 22.0;
+const TICKS_HEIGHT: f64 = 28.0;
 const LABEL_HEIGHT: f64 = 26.0;
 const LEGEND_ROW: f64 = 21.0;
 const NOTE_ROW: f64 = 17.0;
@@ -220,13 +220,19 @@ impl Figure {
                 for curve in &panel.curves {
                     draw_band(&mut items, &place, &x, &y, curve);
                 }
-                for curve in &panel.curves {
+                for (index, curve) in panel.curves.iter().enumerate() {
                     draw_curve(&mut items, &place, &x, &y, curve);
+                    let earlier = &panel.curves[..index];
+                    for p in curve.points.iter().filter(|p| p[1] == f64::INFINITY) {
+                        // One below the other where several curves have none.
+                        let above = earlier.iter().filter(|c| c.points.contains(p)).count();
+                        cross(&mut items, &place, &x, p[0], above, curve.style.color);
+                    }
                 }
             }
             let middle = top + PANEL_TITLE_HEIGHT + PANEL_HEIGHT / 2.0;
             let Item::Text { at, text, size, anchor, color, .. } =
-                text([20.0, middle], &self.y_label, LABEL_SIZE, Anchor::Middle, BLACK)
+                text([18.0, middle], &self.y_label, LABEL_SIZE, Anchor::Middle, BLACK)
             else {
                 continue;
             };
@@ -234,7 +240,7 @@ impl Figure {
             top += PANEL_TITLE_HEIGHT + PANEL_HEIGHT + TICKS_HEIGHT;
         }
         let middle = LEFT + (WIDTH - LEFT - RIGHT) / 2.0;
-        items.push(text([middle, top + 16.0], &self.x_label, LABEL_SIZE, Anchor::Middle, BLACK));
+        items.push(text([middle, top + 12.0], &self.x_label, LABEL_SIZE, Anchor::Middle, BLACK));
         top += LABEL_HEIGHT + 6.0;
         let rows = self.legend.len().div_ceil(2);
         for (i, (style, label)) in self.legend.iter().enumerate() {
@@ -313,14 +319,6 @@ fn draw_curve(items: &mut Vec<Item>, place: &Place, x: &Axis, y: &Axis, curve: &
         } else {
             runs.push(std::mem::take(&mut run));
         }
-        if p[1] == f64::INFINITY {
-            // No median to speak of: a cross below the upper edge.
-            let [px, py] = place.at(x.position(p[0]), 1.0);
-            for s in [-1.0, 1.0] {
-                let points = vec![[px - 4.0, py + 8.0 - 4.0 * s], [px + 4.0, py + 8.0 + 4.0 * s]];
-                items.push(Item::Line { points, color: style.color, width: 2.0, dash: &[] });
-            }
-        }
     }
     runs.push(run);
     for run in runs {
@@ -330,6 +328,15 @@ fn draw_curve(items: &mut Vec<Item>, place: &Place, x: &Axis, y: &Axis, curve: &
         for p in run.iter().filter(|p| (0.0..=1.0).contains(&p[1])) {
             marker(items, place.at(p[0], p[1]), style);
         }
+    }
+}
+
+/// In place of a point at infinity: a cross below the upper edge, under `above` others.
+fn cross(items: &mut Vec<Item>, place: &Place, x: &Axis, value: f64, above: usize, color: Color) {
+    let [px, py] = place.at(x.position(value), 1.0);
+    let py = py + 8.0 + 11.0 * above as f64;
+    for s in [-4.0, 4.0] {
+        items.push(Item::Line { points: vec![[px - 4.0, py - s], [px + 4.0, py + s]], color, width: 2.0, dash: &[] });
     }
 }
 

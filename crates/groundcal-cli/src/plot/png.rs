@@ -1,6 +1,9 @@
 //! A canvas as PNG, in the font that comes with the program: the same picture on every machine.
 
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use image::{
+    ExtendedColorType, ImageEncoder,
+    codecs::png::{CompressionType, FilterType, PngEncoder},
+};
 use tiny_skia::{
     Color as SkiaColor, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
 };
@@ -63,7 +66,8 @@ pub fn encode(canvas: &Canvas, scale: f64) -> Result<Vec<u8>, String> {
     // Everything is drawn on opaque white: alpha says nothing.
     let rgb: Vec<u8> = pixmap.data().chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes)
+    // Flat areas: filters do not help.
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::NoFilter)
         .write_image(&rgb, width, height, ExtendedColorType::Rgb8)
         .map_err(|e| format!("cannot encode the picture: {e}"))?;
     Ok(bytes)

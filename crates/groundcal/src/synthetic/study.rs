@@ -251,6 +251,9 @@ const FOCAL_SPREAD: f64 = 0.05;
 const ASPECT_SPREAD: f64 = 0.02;
 const PRINCIPAL_POINT_SPREAD_PX: f64 = 30.0;
 
+/// The largest noise that the robust estimator is told of, over the true one, where that exceeds its default.
+const NOISE_MARGIN: f64 = 1.5;
+
 /// The scene of a trial.
 pub fn scene(condition: &Condition, seed: u64, trial: u64) -> PointScene {
     let own_seed = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(trial);
@@ -342,11 +345,11 @@ fn linear_circular_point(matches: &[PointMatch], frame: &Frame) -> Option<Comple
 }
 
 /// The front door: camera and standard deviations of (fx, fy, cx, cy). It is told which pairs are motions, that the lens has
-/// no distortion and, where it is so, that the axes are exact.
+/// no distortion, how coarse the matches may be and, where it is so, that the axes are exact.
 fn groundcal(pairs: &[SyntheticPair], condition: &Condition, seed: u64) -> Result<(Intrinsics, [f64; 4]), Error> {
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
     let matches: Vec<ImagePair> = pairs.iter().map(|p| p.pair.clone()).collect();
-    let options = Options {
+    let mut options = Options {
         constraint: Constraint::ZeroSkew,
         attitude_sigma_deg: condition.axis_known.then_some(0.0),
         pairs: Some((0..pairs.len()).map(|i| (2 * i, 2 * i + 1)).collect()),
@@ -354,6 +357,8 @@ fn groundcal(pairs: &[SyntheticPair], condition: &Condition, seed: u64) -> Resul
         seed,
         ..Options::default()
     };
+    // By default matches of more than 2 px of noise are cut as outliers.
+    options.robust.max_sigma_px = options.robust.max_sigma_px.max(NOISE_MARGIN * condition.noise_px);
     let c = calibrate_matches(&names, SIZE, &matches, &options, &Silent)?;
     let (k, s) = (&c.camera, &c.standard_deviation);
     let sigma = [s.fx, s.fy, s.cx, s.cy].map(|v| v.unwrap_or(f64::NAN));
