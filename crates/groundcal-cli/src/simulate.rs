@@ -171,7 +171,7 @@ fn curves() -> [(usize, &'static str, Style, bool); 7] {
         (2, "planar, nonlinear homographies, full", style(orange, 1.8, DASHED, Some(Marker::Circle), false), false),
         (3, "planar, nonlinear homographies, zero skew", style(red, 1.8, DASHED, Some(Marker::Square), false), false),
         (7, "groundcal, zero skew", style(green, 2.4, &[], Some(Marker::Triangle), true), true),
-        (8, "Cramér-Rao bound, zero skew", style([0, 0, 0], 1.8, &[2.0, 3.0], None, false), false),
+        (8, "Cramér-Rao bound, planar motion, zero skew", style([0, 0, 0], 1.8, &[2.0, 3.0], None, false), false),
     ]
 }
 
