@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use groundcal::{absolute_conic::Constraint, image::ImageSize};
+use groundcal::{absolute_conic::Constraint, image::ImageSize, synthetic::study::Study};
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
@@ -27,6 +27,8 @@ pub enum Command {
     Calibrate(Box<CalibrateArgs>),
     /// Images with truth from a scene file
     Render(RenderArgs),
+    /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
+    Simulate(SimulateArgs),
 }
 
 /// `groundcal calibrate`.
@@ -119,6 +121,67 @@ pub struct RenderArgs {
     /// Folder for the images and truth.json (made if need be)
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+/// `groundcal simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  groundcal simulate noise --out study/            noise.csv, noise.svg, noise.png
+  groundcal simulate all --trials 1000 --out study/
+
+The nominal condition: noise 1 px, rotation axis 0.2 m behind the optical centre, turns of 15 degrees, three motions, the
+camera 3 m over the floor, 200 matches a motion (and 20), 1280 x 960 pixels, f about 1000 px.")]
+pub struct SimulateArgs {
+    /// What is varied
+    #[arg(value_enum)]
+    pub study: StudyArg,
+
+    /// Trials for each point of a curve
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub trials: u32,
+
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+
+    /// Threads [default: all processors]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Folder for STUDY.csv, STUDY.svg and STUDY.png (made if need be)
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// [`Study`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum StudyArg {
+    /// Image noise, 0 to 4 px
+    Noise,
+    /// Distance of the rotation axis, 0.02 to 100 m
+    Offset,
+    /// Number of motions, 3 to 20
+    Motions,
+    /// Rotation angle, 2 to 60 degrees, about axes through the optical centre and 0.2 m from it
+    Angle,
+    /// Angle between rotation axis and floor normal, 0 to 10 degrees
+    Axis,
+    /// All five
+    All,
+}
+
+impl StudyArg {
+    /// The studies meant.
+    pub fn studies(self) -> Vec<Study> {
+        match self {
+            StudyArg::Noise => vec![Study::Noise],
+            StudyArg::Offset => vec![Study::Offset],
+            StudyArg::Motions => vec![Study::Motions],
+            StudyArg::Angle => vec![Study::Angle],
+            StudyArg::Axis => vec![Study::Axis],
+            StudyArg::All => Study::ALL.to_vec(),
+        }
+    }
 }
 
 /// What to do about lens distortion.

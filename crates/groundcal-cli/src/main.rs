@@ -4,8 +4,10 @@ mod args;
 mod error;
 mod export;
 mod load;
+mod plot;
 mod progress;
 mod render_scene;
+mod simulate;
 
 use std::{
     io::{IsTerminal, Write},
@@ -13,7 +15,7 @@ use std::{
     process::ExitCode,
 };
 
-use args::{CalibrateArgs, Cli, Command, DistortionArg};
+use args::{CalibrateArgs, Cli, Command, DistortionArg, SimulateArgs};
 use clap::Parser;
 use error::CliError;
 use groundcal::{
@@ -27,6 +29,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Calibrate(args) => calibrate(&args),
         Command::Render(args) => render_scene::run(&args.scene, &args.out),
+        Command::Simulate(args) => simulate(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -38,19 +41,35 @@ fn main() -> ExitCode {
     }
 }
 
-fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
-    if let Some(out) = &args.out
-        && out.exists()
-        && !out.is_dir()
-    {
+fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
+    refuse_file(&args.out)?;
+    start_threads(args.threads)?;
+    print(&simulate::run(args)?)
+}
+
+/// `--out` has to be a folder, or nothing yet.
+fn refuse_file(out: &Path) -> Result<(), CliError> {
+    if out.exists() && !out.is_dir() {
         return Err(CliError::Usage(format!("--out {}: is a file; name a folder", out.display())));
     }
-    if let Some(threads) = args.threads {
+    Ok(())
+}
+
+fn start_threads(threads: Option<u16>) -> Result<(), CliError> {
+    if let Some(threads) = threads {
         rayon::ThreadPoolBuilder::new()
             .num_threads(usize::from(threads))
             .build_global()
             .map_err(|e| CliError::Other(format!("cannot start {threads} threads: {e}")))?;
     }
+    Ok(())
+}
+
+fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
+    if let Some(out) = &args.out {
+        refuse_file(out)?;
+    }
+    start_threads(args.threads)?;
     let progress = Progress::new("reading");
     let result = run(args, &progress);
     let times = progress.finish();

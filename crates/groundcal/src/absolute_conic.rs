@@ -89,7 +89,7 @@ impl Constraint {
     }
 
     /// Basis of the allowed conics, columns (ω11, ω12, ω13, ω22, ω23, ω33); `aspect` is fy / fx.
-    fn basis(self, aspect: f64) -> DMatrix<f64> {
+    pub(crate) fn basis(self, aspect: f64) -> DMatrix<f64> {
         let square = [1.0, 0.0, 0.0, 1.0 / (aspect * aspect), 0.0, 0.0];
         let unit = |i: usize| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
         let columns: Vec<[f64; 6]> = match self {
@@ -335,7 +335,7 @@ fn conic_rows(e: &ComplexPoint, d: &ComplexPoint) -> [SVector<f64, 6>; 2] {
 }
 
 /// Information over noise below which a direction of the conic counts as unseen.
-const MIN_SIGNAL_OVER_NOISE: f64 = 5.0;
+pub(crate) const MIN_SIGNAL_OVER_NOISE: f64 = 5.0;
 
 /// The weighted linear solution for one of the hard constraints (for `Auto`: as `Focal`), iterated on its weights.
 ///
@@ -400,9 +400,7 @@ pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f6
             check_rank(&reduced, &reduce(&noise), constraint)?;
         }
         let z = DVector::from_fn(n, |i, _| vectors[(i, 0)]);
-        let w = &basis * z;
-        let omega = Matrix3::new(w[0], w[1], w[2], w[1], w[3], w[4], w[2], w[4], w[5]);
-        match intrinsics_from_conic(&omega) {
+        match intrinsics_from_conic(&conic_from_entries(&(&basis * z))) {
             Ok(k) => p = parameters_of(&k),
             Err(eigenvalues) if round == ROUNDS - 1 => {
                 return Err(Error::NotPositiveDefinite {
@@ -421,22 +419,47 @@ pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f6
     Ok(p)
 }
 
+/// The linear solution as the paper has it (KZR 1.1): the rows of all unit points stacked, every equation with the same
+/// weight, no check of rank. Points and result in frame coordinates; `aspect` is fy / fx where the constraint holds it.
+///
+/// # Errors
+/// [`Error::NotPositiveDefinite`] when no real camera solves the equations.
+pub fn solve_unweighted(points: &[ComplexPoint], constraint: Constraint, aspect: f64) -> Result<Parameters, Error> {
+    let basis = constraint.basis(aspect);
+    let mut signal = SMatrix::<f64, 6, 6>::zeros();
+    for e in points {
+        for row in conic_rows(e, e) {
+            signal.ger(1.0, &row, &row, 1.0);
+        }
+    }
+    let reduced = basis.transpose() * DMatrix::from_fn(6, 6, |r, c| signal[(r, c)]) * &basis;
+    let (_, vectors) = symmetric_eigen(&reduced)
+        .ok_or_else(|| Error::Numerical { stage: "absolute conic", detail: "normal matrix not finite".into() })?;
+    let k = intrinsics_from_conic(&conic_from_entries(&(&basis * vectors.column(0))));
+    k.map(|k| parameters_of(&k)).map_err(|eigenvalues| Error::NotPositiveDefinite {
+        constraint: constraint.name(),
+        eigenvalues,
+        remedy:
+            "Use motions with a clear turn (15 to 60 degrees) at different tilts and rolls, or a stronger constraint"
+                .into(),
+    })
+}
+
+/// The symmetric matrix of (ω11, ω12, ω13, ω22, ω23, ω33).
+pub(crate) fn conic_from_entries(w: &DVector<f64>) -> Matrix3<f64> {
+    Matrix3::new(w[0], w[1], w[2], w[1], w[3], w[4], w[2], w[4], w[5])
+}
+
 /// Compares the second weakest direction of the equations with what noise alone gives it.
 fn check_rank(signal: &DMatrix<f64>, noise: &DMatrix<f64>, constraint: Constraint) -> Result<(), Error> {
-    let n = signal.nrows();
-    if n < 3 {
+    if signal.nrows() < 3 {
         // One unknown (or two, both in every equation): the size of the error bar tells.
         return Ok(());
     }
-    let numerical =
-        || Error::Numerical { stage: "absolute conic", detail: "noise matrix not positive definite".into() };
-    let regularised = noise + DMatrix::identity(n, n) * (1e-9 * noise.trace().max(f64::MIN_POSITIVE) / n as f64);
-    let root = regularised.cholesky().ok_or_else(numerical)?.l();
-    let whitened = root.solve_lower_triangular(signal).ok_or_else(numerical)?;
-    let whitened = root.solve_lower_triangular(&whitened.transpose()).ok_or_else(numerical)?;
-    let symmetric = (&whitened + whitened.transpose()) * 0.5;
-    let (values, _) = symmetric_eigen(&symmetric).ok_or_else(numerical)?;
-    let ratio = values[1];
+    let ratio = signal_over_noise(signal, noise).ok_or_else(|| Error::Numerical {
+        stage: "absolute conic",
+        detail: "noise matrix not positive definite".into(),
+    })?;
     if ratio < MIN_SIGNAL_OVER_NOISE {
         return Err(Error::Undetermined {
             constraint: constraint.name(),
@@ -450,6 +473,19 @@ fn check_rank(signal: &DMatrix<f64>, noise: &DMatrix<f64>, constraint: Constrain
         });
     }
     Ok(())
+}
+
+/// The second smallest eigenvalue of `signal` with respect to `noise`, the matrix that noise alone would give; `None` when
+/// an entry is not finite.
+pub(crate) fn signal_over_noise(signal: &DMatrix<f64>, noise: &DMatrix<f64>) -> Option<f64> {
+    let n = signal.nrows();
+    let regularised = noise + DMatrix::identity(n, n) * (1e-9 * noise.trace().max(f64::MIN_POSITIVE) / n as f64);
+    let root = regularised.cholesky()?.l();
+    let whitened = root.solve_lower_triangular(signal)?;
+    let whitened = root.solve_lower_triangular(&whitened.transpose())?;
+    let symmetric = (&whitened + whitened.transpose()) * 0.5;
+    let (values, _) = symmetric_eigen(&symmetric)?;
+    Some(values[1])
 }
 
 /// K from ω ~ K⁻ᵀK⁻¹ by Cholesky.
@@ -532,6 +568,9 @@ mod tests {
                 let p = solve_linear(&points, constraint, 1.0).expect("determined");
                 let error = (parameters_of(&k) - p).norm();
                 assert!(error < 1e-9, "{constraint:?} {count}: {error:e}");
+                let bare: Vec<ComplexPoint> = points.iter().map(|w| w.point.point).collect();
+                let p = solve_unweighted(&bare, constraint, 1.0).expect("definite");
+                assert!((parameters_of(&k) - p).norm() < 1e-9, "{constraint:?} {count}, unweighted");
                 let out = refine(&points, &p, constraint.free(), &Priors::NONE);
                 if constraint != Constraint::Auto || count > 1 {
                     let out = out.expect("determined");

@@ -75,11 +75,11 @@ pub struct PriorUse {
 }
 
 /// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
-const MAX_LN_SIGMA: f64 = 0.25;
+pub(crate) const MAX_LN_SIGMA: f64 = 0.25;
 /// Standard deviation of the principal point above which it counts as undetermined, in half mean image sides.
-const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
+pub(crate) const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
 /// Probability below which the disagreement of motions is not put down to chance.
-const DISAGREEMENT_P: f64 = 0.01;
+pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 
 impl CameraOptions {
     /// The priors in frame units.

@@ -14,6 +14,7 @@
 //! | [`attitude_groups`], [`motions`] | motions of one attitude; which pairs are plane-normal motions |
 //! | [`absolute_conic`], [`camera`] | constraints, rank, weighted solution; camera matrix in pixels |
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
+//! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
@@ -42,5 +43,6 @@ pub mod motions;
 pub mod plane_view;
 pub mod ransac;
 pub mod result;
+pub mod rotating;
 pub mod statistics;
 pub mod synthetic;

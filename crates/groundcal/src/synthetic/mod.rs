@@ -5,4 +5,5 @@ mod noise;
 pub mod points;
 pub mod render;
 pub mod scene;
+pub mod study;
 mod texture;

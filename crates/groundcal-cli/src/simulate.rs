@@ -1,0 +1,317 @@
+//! The simulation study: runs the trials, writes a table (CSV) and a figure (SVG, PNG) for each study, prints a summary.
+
+use std::fmt::Write;
+
+use groundcal::{
+    absolute_conic::Constraint,
+    synthetic::study::{Condition, MAX_SHIFT_M, Method, Study, Summary, Trial, summarise, summarise_bound, trial},
+};
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+
+use crate::{
+    args::SimulateArgs,
+    error::CliError,
+    export::write_whole,
+    plot::{Curve, Figure, Marker, Panel, Style, png, svg},
+};
+
+/// The trials of one condition, summed up: each of [`Method::ALL`], then the bound.
+struct Row {
+    condition: Condition,
+    fewest_matches: usize,
+    summaries: Vec<Summary>,
+}
+
+/// Runs the studies asked for and gives the summary for standard output. Every file appears whole or not at all, and those of
+/// a study that is done stay when a later one is interrupted.
+pub fn run(args: &SimulateArgs) -> Result<String, CliError> {
+    std::fs::create_dir_all(&args.out)
+        .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", args.out.display())))?;
+    let mut page = String::new();
+    for study in args.study.studies() {
+        let rows = simulate(study, args.trials, args.seed);
+        let path = |extension: &str| args.out.join(format!("{}.{extension}", study.name()));
+        write_whole(&path("csv"), &table(study, &rows)?)?;
+        let canvas = figure(study, &rows, args.trials).layout();
+        write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
+        write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
+        // Writing to a string cannot fail.
+        let _ = summary(&mut page, study, &rows, args.trials);
+    }
+    Ok(page)
+}
+
+/// Pixels of the PNG for one of the SVG: sharp on dense screens.
+const PNG_SCALE: f64 = 2.0;
+
+fn simulate(study: Study, trials: u32, seed: u64) -> Vec<Row> {
+    let conditions = study.conditions();
+    // Draws nothing where standard error is not a terminal.
+    let bar = ProgressBar::new(conditions.len() as u64 * u64::from(trials));
+    if let Ok(style) = ProgressStyle::with_template("{msg:24} [{bar:40}] {pos}/{len} trials, {eta} left") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar.set_message(study.name());
+    let rows = conditions
+        .into_iter()
+        .map(|condition| {
+            let outcomes: Vec<Trial> = (0..u64::from(trials))
+                .into_par_iter()
+                .map(|number| {
+                    let outcome = trial(&condition, seed, number);
+                    bar.inc(1);
+                    outcome
+                })
+                .collect();
+            let methods = (0..Method::ALL.len()).map(|i| summarise(&outcomes, i));
+            Row {
+                condition,
+                fewest_matches: outcomes.iter().map(|t| t.fewest_matches).min().unwrap_or(0),
+                summaries: methods.chain([summarise_bound(&outcomes)]).collect(),
+            }
+        })
+        .collect();
+    bar.finish_and_clear();
+    rows
+}
+
+/// Name and constraint of each summary of a row.
+fn methods() -> impl Iterator<Item = (&'static str, Constraint)> {
+    Method::ALL.iter().map(|m| (m.name(), m.constraint())).chain([("cramer_rao_bound", Constraint::ZeroSkew)])
+}
+
+const COLUMNS: [&str; 24] = [
+    "study",
+    "value",
+    "matches",
+    "noise_px",
+    "offset_m",
+    "motions",
+    "turn_deg",
+    "axis_error_deg",
+    "method",
+    "constraint",
+    "trials",
+    "failures",
+    "fewest_matches",
+    "median_percent",
+    "lower_quartile_percent",
+    "upper_quartile_percent",
+    "rmse_percent",
+    "rmse_fx_px",
+    "rmse_over_bound",
+    "rmse_over_bound_free_height",
+    "coverage_fx",
+    "coverage_fy",
+    "coverage_cx",
+    "coverage_cy",
+];
+
+/// `NAME.csv`: one line a condition and method; empty where a number does not exist, `inf` for a median of failures.
+fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, CliError> {
+    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table: {e}"));
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(COLUMNS).map_err(|e| fail(&e))?;
+    for row in rows {
+        let c = &row.condition;
+        for ((name, constraint), s) in methods().zip(&row.summaries) {
+            let [lower, median, upper] = s.quartiles_percent.map(number);
+            let optional = |v: Option<f64>| v.map_or(String::new(), number);
+            let mut record = vec![
+                study.name().to_string(),
+                number(c.value),
+                c.matches.to_string(),
+                number(c.noise_px),
+                number(c.offset_m),
+                c.motions.to_string(),
+                number(c.turn_deg),
+                number(c.axis_error_deg),
+                name.to_string(),
+                constraint.name().to_string(),
+                s.trials.to_string(),
+                s.failures.to_string(),
+                row.fewest_matches.to_string(),
+                median,
+                lower,
+                upper,
+                optional(s.rmse_percent),
+                optional(s.rmse_px),
+                optional(s.rmse_over_bound[0]),
+                optional(s.rmse_over_bound[1]),
+            ];
+            record.extend((0..4).map(|i| optional(s.coverage.map(|c| c[i]))));
+            writer.write_record(&record).map_err(|e| fail(&e))?;
+        }
+    }
+    writer.into_inner().map_err(|e| fail(&e))
+}
+
+/// Six significant digits, no trailing zeros.
+fn number(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return value.to_string();
+    }
+    let digits = (5 - value.abs().log10().floor() as i32).clamp(0, 20) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+}
+
+/// Curves shown, in drawing order: index of the summary, label, look (colours of Okabe & Ito, told apart by the colour-blind)
+/// and whether its quartiles are.
+fn curves() -> [(usize, &'static str, Style, bool); 7] {
+    let style = |color, width, dash, marker, filled| Style { color, width, dash, marker, filled };
+    const DASHED: &[f64] = &[7.0, 4.0];
+    let (sky, blue, orange, red, purple, green) =
+        ([86, 180, 233], [0, 114, 178], [230, 159, 0], [213, 94, 0], [204, 121, 167], [0, 158, 115]);
+    [
+        (5, "rotating camera, zero skew", style(purple, 2.0, &[], Some(Marker::Diamond), true), true),
+        (0, "planar, linear homographies, full", style(sky, 2.0, &[], Some(Marker::Circle), true), false),
+        (1, "planar, linear homographies, zero skew", style(blue, 2.0, &[], Some(Marker::Square), true), false),
+        (2, "planar, nonlinear homographies, full", style(orange, 1.8, DASHED, Some(Marker::Circle), false), false),
+        (3, "planar, nonlinear homographies, zero skew", style(red, 1.8, DASHED, Some(Marker::Square), false), false),
+        (7, "groundcal, zero skew", style(green, 2.4, &[], Some(Marker::Triangle), true), true),
+        (8, "Cramér-Rao bound, planar motion, zero skew", style([0, 0, 0], 1.8, &[2.0, 3.0], None, false), false),
+    ]
+}
+
+fn figure(study: Study, rows: &[Row], trials: u32) -> Figure {
+    let (title, x_label) = match study {
+        Study::Noise => ("Focal length error against image noise", "standard deviation of image points, px"),
+        Study::Offset => (
+            "Focal length error against distance of the rotation axis",
+            "distance of the axis from the optical centre, m",
+        ),
+        Study::Motions => ("Focal length error against number of motions", "motions, each with an attitude of its own"),
+        Study::Angle => ("Focal length error against rotation angle", "rotation angle, degrees"),
+        Study::Axis => {
+            ("Focal length error against error of the rotation axis", "angle from axis to floor normal, degrees")
+        }
+    };
+    // Panels side by side: 200 and 20 matches; below one another: distances of the axis.
+    let mut panels: Vec<((f64, usize), Vec<&Row>)> = Vec::new();
+    for row in rows {
+        let offset = if study == Study::Offset { 0.0 } else { row.condition.offset_m };
+        let key = (offset, row.condition.matches);
+        match panels.iter_mut().find(|p| p.0 == key) {
+            Some(panel) => panel.1.push(row),
+            None => panels.push((key, vec![row])),
+        }
+    }
+    let panel = |((offset, matches), rows): &((f64, usize), Vec<&Row>)| Panel {
+        title: if study == Study::Angle {
+            format!("{matches} matches a motion, axis at {offset} m")
+        } else {
+            format!("{matches} matches a motion")
+        },
+        curves: curves()
+            .iter()
+            .map(|&(index, _, style, banded)| Curve {
+                style,
+                points: rows.iter().map(|r| [r.condition.value, r.summaries[index].quartiles_percent[1]]).collect(),
+                band: if banded {
+                    let band = |r: &&Row| {
+                        let [low, _, high] = r.summaries[index].quartiles_percent;
+                        [r.condition.value, low, high]
+                    };
+                    rows.iter().map(band).collect()
+                } else {
+                    Vec::new()
+                },
+            })
+            .collect(),
+    };
+    let failed = rows.iter().any(|r| curves().iter().any(|c| r.summaries[c.0].quartiles_percent[1].is_infinite()));
+    let mut notes =
+        vec![format!("Median of |error| over {trials} trials, a failure counting as infinite; bands: quartiles.")];
+    if failed {
+        notes.push("A cross at the upper edge: half of the trials or more gave no camera.".into());
+    }
+    if study == Study::Offset {
+        notes.push(format!(
+            "Turns of 15 degrees, less where the camera would move further than {MAX_SHIFT_M} m (axis beyond 3.8 m)."
+        ));
+    }
+    if study == Study::Axis {
+        notes.push("The bound is that of an axis whose error is known.".into());
+    }
+    if study == Study::Noise {
+        notes.push("Without noise all planar methods are exact: no point at 0 px.".into());
+    }
+    Figure {
+        title: title.into(),
+        x_label: x_label.into(),
+        y_label: "error of fx, %".into(),
+        x_log: matches!(study, Study::Offset | Study::Angle),
+        rows: panels.chunks(2).map(|row| row.iter().map(panel).collect()).collect(),
+        legend: curves().iter().map(|c| (c.2, c.1.to_string())).collect(),
+        notes,
+    }
+}
+
+/// A page of medians, and how groundcal's errors compare with the bound and with its intervals.
+fn summary(w: &mut String, study: Study, rows: &[Row], trials: u32) -> std::fmt::Result {
+    let unit = match study {
+        Study::Noise => "noise px",
+        Study::Offset => "offset m",
+        Study::Motions => "motions",
+        Study::Angle => "turn deg",
+        Study::Axis => "axis deg",
+    };
+    writeln!(w, "{}: median |error| of fx in % over {trials} trials (failures in brackets)", study.name())?;
+    let heads = ["rotating", "lin. full", "lin. zero", "nonl. full", "nonl. zero", "groundcal", "bound"];
+    write!(w, "{:>8}{:>8}{:>9}", "matches", "axis m", unit)?;
+    for head in heads {
+        write!(w, "{head:>14}")?;
+    }
+    writeln!(w, "{:>12}{:>8}", "rmse/bound", "95 %")?;
+    for row in rows {
+        let c = &row.condition;
+        write!(w, "{:>8}{:>8}{:>9}", c.matches, c.offset_m, c.value)?;
+        for (index, ..) in curves() {
+            let s = &row.summaries[index];
+            let failures = if s.failures > 0 { format!(" ({})", s.failures) } else { String::new() };
+            write!(w, "{:>14}", format!("{:.3}{failures}", s.quartiles_percent[1]))?;
+        }
+        let ours = &row.summaries[7];
+        let ratio = ours.rmse_over_bound[0].map_or("-".into(), |r| format!("{r:.2}"));
+        let held = ours.coverage.map_or("-".into(), |c| format!("{:.1}", 100.0 * c[0]));
+        writeln!(w, "{ratio:>12}{held:>8}")?;
+    }
+    writeln!(w)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_six_digits() {
+        for (value, text) in [
+            (0.0, "0"),
+            (15.0, "15"),
+            (0.02, "0.02"),
+            (1.0 / 3.0, "0.333333"),
+            (123456.7, "123457"),
+            (f64::INFINITY, "inf"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn the_curves_are_the_methods_their_labels_name() {
+        let found: Vec<(&str, Constraint)> = curves().iter().filter_map(|c| methods().nth(c.0)).collect();
+        let (full, zero) = (Constraint::Full, Constraint::ZeroSkew);
+        let expected = [
+            ("rotating", zero),
+            ("planar_linear", full),
+            ("planar_linear", zero),
+            ("planar_gold_standard", full),
+            ("planar_gold_standard", zero),
+            ("groundcal", zero),
+            ("cramer_rao_bound", zero),
+        ];
+        assert_eq!(found, expected);
+    }
+}
