@@ -52,8 +52,6 @@ pub struct BundleOptions {
     pub huber: f64,
     /// Half width and height of the images, frame units.
     pub image_half_sides: [f64; 2],
-    /// Mean squared residual of what an earlier cut at some number of deviations left, over that of all (1: nothing was cut).
-    pub kept_variance: f64,
     /// The loop.
     pub lm: LmOptions,
 }
@@ -69,7 +67,6 @@ impl Default for BundleOptions {
             height_sigma: None,
             huber: 3.0,
             image_half_sides: [1.0; 2],
-            kept_variance: 1.0,
             lm: LmOptions { max_iterations: 60, relative_cost_tolerance: 1e-7, step_tolerance: 1e-13 },
         }
     }
@@ -222,7 +219,7 @@ pub fn adjust(
         let squared_residuals =
             problem.squared_residuals(&out.state).ok_or_else(|| failed("the solution is outside the model"))?;
         let (variance, degrees_of_freedom) =
-            variance_factor(&problem, &out.state, &squared_residuals, &factor, options.kept_variance);
+            variance_factor(&problem, &out.state, &squared_residuals, &factor);
         // In units of single residuals, which the weights in force take for larger by what neighbours have in common.
         let variance = variance * design_effect;
         let next_effect = problem
@@ -365,7 +362,6 @@ fn variance_factor(
     state: &State,
     squared_residuals: &[Vec<f64>],
     factor: &SkylineCholesky,
-    kept: f64,
 ) -> (f64, f64) {
     let total = problem.weighted_sum(squared_residuals);
     let held: f64 = problem
@@ -377,7 +373,7 @@ fn variance_factor(
     if dof < 1.0 {
         return (1.0, dof.max(0.0));
     }
-    (total / (dof * kept), dof)
+    (total / dof, dof)
 }
 
 /// Deviations with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,

@@ -19,15 +19,14 @@ use crate::{
         tracks::join_matches,
     },
     camera::{CameraOptions, CameraSolution, PriorUse, parameters_in_frame},
-    correspondence::ImagePair,
+    correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
     frame::Frame,
-    homography::{RobustHomography, robust::KEPT},
+    homography::{RobustHomography, refine::sampson_squared},
     intrinsics::Intrinsics,
     levenberg_marquardt::StopReason,
     result::{Refinement, ViewReport},
-    statistics::{chi_squared_2_mean_below, chi_squared_2_quantile},
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
@@ -37,6 +36,9 @@ const COMMON_NOISE_MATCHES: f64 = 20.0;
 
 /// Relative deviation of f from which on other focal lengths are tried as starts.
 const VAGUE: f64 = 0.03;
+
+/// Deviations from its homography within which a match takes part; the weights of the loss do the rest.
+const REACH: f64 = 5.0;
 
 /// A refined calibration with the images its views are.
 pub(super) struct Joint {
@@ -133,7 +135,6 @@ impl Joint {
 pub(super) struct Setup {
     pub(super) links: Vec<Link>,
     tracks: Vec<Track>,
-    kept_variance: f64,
 }
 
 impl Pipeline<'_> {
@@ -181,7 +182,7 @@ impl Pipeline<'_> {
                 }
             }
         }
-        let Some(setup) = self.setup(pairs, results, &used, &images) else { return Ok(None) };
+        let Some(setup) = self.setup(pairs, results, &used, &images, known) else { return Ok(None) };
         let both_sides = chosen.motions.iter().any(|(i, m)| used.contains(i) && m.sides == Sides::Both);
         let scene = if both_sides { SceneModel::Directions } else { SceneModel::Floor };
         // A focal length that the linear solution hardly knows may be another.
@@ -212,8 +213,7 @@ impl Pipeline<'_> {
                 detail: "the homographies of the motions fit no camera".into(),
             });
         }
-        let options = BundleOptions { kept_variance: setup.kept_variance, ..*options };
-        let bundle = adjust(scene, &self.frame(), &setup.tracks, starts, &options)?;
+        let bundle = adjust(scene, &self.frame(), &setup.tracks, starts, options)?;
         Ok(Joint::new(bundle, images, options.tangential, &self.frame()))
     }
 
@@ -250,6 +250,30 @@ impl Pipeline<'_> {
         solution.groups.iter().map(of).collect()
     }
 
+    /// Indices of the matches within reach of a pair's homography: its inliers and what lies a little further off, so that the
+    /// refinement's own weights decide and not a cut, which costs good matches where they are few.
+    fn near_plane(&self, pair: &ImagePair, robust: &RobustHomography, known: &KnownLens) -> Vec<usize> {
+        let frame = self.frame();
+        let lens = known.lens();
+        let noise = (robust.estimate.sigma_px.max(LEAST_NOISE_PX) / frame.scale_px).powi(2);
+        let within = |m: &PointMatch| {
+            let ideal = match lens {
+                Some(lens) => lens.ideal_match(m),
+                None => Some(*m),
+            };
+            ideal.is_some_and(|m| {
+                let local = PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..m };
+                let squared = sampson_squared(&robust.estimate.in_frame, &local) / (noise * m.sigma_px * m.sigma_px);
+                squared < REACH * REACH
+            })
+        };
+        let mut near: Vec<usize> = (0..pair.matches.len()).filter(|&k| within(&pair.matches[k])).collect();
+        near.extend(&robust.inliers);
+        near.sort_unstable();
+        near.dedup();
+        near
+    }
+
     /// Links and tracks of the pairs `used`, views numbered as in `images`. `None` when there are no matches.
     pub(super) fn setup(
         &self,
@@ -257,6 +281,7 @@ impl Pipeline<'_> {
         results: &[PairResult],
         used: &[usize],
         images: &[usize],
+        known: &KnownLens,
     ) -> Option<Setup> {
         let view = |image: usize| view_in(images, image);
         let mut links = Vec::new();
@@ -278,14 +303,12 @@ impl Pipeline<'_> {
         }
         // Patches carry a deviation of their own in pixels, features a relative one: the same arithmetic serves both, pair by pair.
         let mut matches: Vec<[Observation; 2]> = Vec::new();
-        let mut cut = false;
         for &i in used {
             let robust = results[i].robust()?;
             let n = robust.inliers.len() as f64;
             let common = if robust.patches == results[used[0]].has_patches() { COMMON_NOISE_MATCHES } else { 0.0 };
             let noise = (n * robust.estimate.sigma_px.powi(2) + common * noise_sum / noise_weight) / (n + common);
-            cut |= robust.inliers.len() < pairs[i].matches.len();
-            for &k in &robust.inliers {
+            for k in self.near_plane(&pairs[i], robust, known) {
                 let m = &pairs[i].matches[k];
                 let information =
                     Matrix2::from_diagonal_element(1.0 / (noise * m.sigma_px * m.sigma_px).max(LEAST_NOISE_PX.powi(2)));
@@ -295,9 +318,8 @@ impl Pipeline<'_> {
                 ]);
             }
         }
-        let kept_variance = if cut { 0.5 * chi_squared_2_mean_below(chi_squared_2_quantile(1.0 - KEPT)) } else { 1.0 };
         let tracks = join_matches(&matches);
-        Some(Setup { links, tracks, kept_variance })
+        Some(Setup { links, tracks })
     }
 }
 

@@ -46,6 +46,10 @@ impl PairResult {
 /// Largest noise of a patch match in units of its predicted deviation.
 const MAX_PATCH_NOISE: f64 = 6.0;
 
+/// Fraction of the largest noise thought possible from which on more is allowed for given matches, and where that ends.
+const NEAR_LIMIT: f64 = 0.6;
+const COARSEST_PX: f64 = 16.0;
+
 /// Where no model takes any point to.
 const OUT_OF_REACH_PX: f64 = 1e7;
 
@@ -96,8 +100,20 @@ impl Pipeline<'_> {
             .collect()
     }
 
-    fn homography(&self, pair: &ImagePair, lens: Option<&Lens>) -> PairResult {
-        self.homography_with(pair, lens, self.robust_options(false))
+    pub(super) fn homography(&self, pair: &ImagePair, lens: Option<&Lens>) -> PairResult {
+        let mut options = self.robust_options(false);
+        let mut result = self.homography_with(pair, lens, options);
+        // Matches from elsewhere may be coarser than those of features: where the noise comes near what was thought possible, it
+        // is cut off by that, and more is allowed.
+        while self.images.is_none() && options.max_sigma_px < COARSEST_PX {
+            let noise = result.robust().map_or(0.0, |r| r.estimate.sigma_px);
+            if noise < NEAR_LIMIT * options.max_sigma_px {
+                break;
+            }
+            options.max_sigma_px *= 2.0;
+            result = self.homography_with(pair, lens, options);
+        }
+        result
     }
 
     /// Options of the robust fit for features, or for patches, which carry their own deviation: noise is in units of it.

@@ -38,6 +38,17 @@ pub(super) enum KnownLens {
     Estimated(LensFinding),
 }
 
+impl KnownLens {
+    /// The lens that was undone in the homographies.
+    pub(super) fn lens(&self) -> Option<&Lens> {
+        match self {
+            KnownLens::NotModelled => None,
+            KnownLens::Given(lens) => Some(lens),
+            KnownLens::Estimated(finding) => finding.lens(),
+        }
+    }
+}
+
 impl LensFinding {
     /// Standard deviation of k1 for the camera's focal length (the estimate has a reference one).
     fn k1_sigma(&self, k: &Intrinsics) -> f64 {

@@ -104,7 +104,7 @@ impl Pipeline<'_> {
         let images = images_of(&turning.used, pairs);
         let failed = |detail: &str| Error::Numerical { stage: "joint refinement", detail: detail.into() };
         let setup =
-            self.setup(pairs, results, &turning.used, &images).ok_or_else(|| failed("there are no matches"))?;
+            self.setup(pairs, results, &turning.used, &images, known).ok_or_else(|| failed("there are no matches"))?;
         // World axes are those of the first view, which is level by definition.
         let attitudes = rotations_from_links(attitude_rotation(0.0, 0.0), images.len(), &k, &setup.links)
             .ok_or_else(|| failed("the pairs do not connect the images"))?;

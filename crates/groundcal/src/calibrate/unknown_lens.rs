@@ -115,7 +115,11 @@ impl Pipeline<'_> {
     /// The homography of a pair again under another lens.
     fn again(&self, pair: &ImagePair, before: &PairResult, lens: Option<&Lens>) -> PairResult {
         let patches = before.outcome.as_ref().is_ok_and(|(robust, _)| robust.patches);
-        let mut next = self.homography_with(pair, lens, self.robust_options(patches));
+        let mut next = if patches {
+            self.homography_with(pair, lens, self.robust_options(true))
+        } else {
+            self.homography(pair, lens)
+        };
         next.candidates = before.candidates;
         if let (Ok((new, _)), Ok((old, _))) = (&mut next.outcome, &before.outcome) {
             (new.patches, new.static_background) = (old.patches, old.static_background);

@@ -95,7 +95,7 @@ impl RobustProblem for Problem<'_> {
 }
 
 /// Fraction of good matches kept by the final cut. At 99 % the hard cut would cost 3 % of accuracy, here it costs 1 %.
-pub const KEPT: f64 = 0.9973;
+const KEPT: f64 = 0.9973;
 
 /// A homography from point matches (pixels), some of which may be wrong. Deterministic by the seed.
 ///
