@@ -14,7 +14,7 @@ use groundcal::{
     features::{FeatureOptions, MatchOptions, detect, match_features},
     frame::Frame,
     homography::{HomographyEstimate, RobustOptions, estimate_robust, refine::RefineOptions, refine::refine},
-    least_squares_matching::{PatchOptions, SplineImage, match_patches, template_grid},
+    least_squares_matching::{PatchOptions, match_patches, template_grid},
     synthetic::{
         points::{MotionSpec, PointScene},
         render::render_view,
@@ -61,17 +61,15 @@ fn run() {
     time("matches of a pair (3000 features each)", 7, || match_features(&fa, &fb, &MatchOptions::default()));
 
     let options = PatchOptions::default();
-    let (sa, sb) = (SplineImage::new(&a), SplineImage::new(&b));
-    time("B-spline of a 1024x768 image", 7, || SplineImage::new(&a));
-    time("templates of a 1024x768 image", 7, || template_grid(&sa, &options));
-    let grid = template_grid(&sa, &options);
+    time("templates of a 1024x768 image", 7, || template_grid(&a, &options));
+    let grid = template_grid(&a, &options);
     // Half a pixel off, as features leave it.
     let h: nalgebra::Matrix3<f64> = scene.h_b_from_a(0, 1).expect("a homography");
     let map = |p: &Vector2<f64>| {
         let q = h * Vector3::new(p.x, p.y, 1.0);
         (q.z > 0.0).then(|| Vector2::new(q.x / q.z + 0.4, q.y / q.z - 0.3))
     };
-    let match_all = || match_patches(&sa, &a, &grid, &sb, &map, &options);
+    let match_all = || match_patches(&a, &grid, &b, &map, &options);
     let found = match_all();
     let steps = found.iter().map(|m| m.iterations).sum::<usize>() as f64 / found.len() as f64;
     let median_s = time("least squares matching of a pair's patches", 15, match_all);

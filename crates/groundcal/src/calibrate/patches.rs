@@ -7,27 +7,12 @@ use super::{Pipeline, Stage, pairs::PairResult};
 use crate::{
     correspondence::{ImagePair, PointMatch},
     image::GrayImage,
-    least_squares_matching::{PatchOptions, SplineImage, match_patches, template_grid},
+    least_squares_matching::{match_patches, template_grid},
     lens_estimate::Lens,
 };
 
 /// Fewest patches that replace feature matches.
 const MIN_PATCHES: usize = 30;
-
-/// An image made ready for least squares matching.
-struct Prepared<'a> {
-    image: &'a GrayImage,
-    spline: SplineImage,
-    grid: Vec<(usize, usize)>,
-}
-
-impl<'a> Prepared<'a> {
-    fn new(image: &'a GrayImage, options: &PatchOptions) -> Self {
-        let spline = SplineImage::new(image);
-        let grid = template_grid(&spline, options);
-        Self { image, spline, grid }
-    }
-}
 
 impl Pipeline<'_> {
     /// Replaces the matches of the pairs `used` by patches matched by least squares and fits the homographies to them. A
@@ -44,15 +29,14 @@ impl Pipeline<'_> {
             return (pairs, results);
         }
         self.observer.begin(Stage::Patches, used.len());
-        let needed: std::collections::BTreeSet<usize> =
-            used.iter().flat_map(|&i| [pairs[i].from, pairs[i].to]).collect();
+        let needed: std::collections::BTreeSet<usize> = used.iter().map(|&i| pairs[i].from).collect();
         // Templates belong to their image: all its pairs share them.
-        let prepared: std::collections::BTreeMap<usize, Prepared> =
-            needed.into_par_iter().map(|i| (i, Prepared::new(&images[i], &self.options.patches))).collect();
+        let grids: std::collections::BTreeMap<usize, Vec<(usize, usize)>> =
+            needed.into_par_iter().map(|i| (i, template_grid(&images[i], &self.options.patches))).collect();
         let better: Vec<(usize, ImagePair, PairResult)> = used
             .par_iter()
             .filter_map(|&i| {
-                let found = self.sharpened(&pairs[i], &results[i], &prepared, lens);
+                let found = self.sharpened(&pairs[i], &results[i], images, &grids, lens);
                 self.observer.advance(Stage::Patches);
                 found.map(|(pair, result)| (i, pair, result))
             })
@@ -68,7 +52,8 @@ impl Pipeline<'_> {
         &self,
         pair: &ImagePair,
         result: &PairResult,
-        prepared: &std::collections::BTreeMap<usize, Prepared>,
+        images: &[GrayImage],
+        grids: &std::collections::BTreeMap<usize, Vec<(usize, usize)>>,
         lens: Option<&Lens>,
     ) -> Option<(ImagePair, PairResult)> {
         let (robust, geometry) = result.outcome.as_ref().ok()?;
@@ -78,8 +63,7 @@ impl Pipeline<'_> {
             Some(lens) => lens.real_point(&h.apply(&lens.ideal_point(p)?)?),
         };
         let options = &self.options.patches;
-        let (a, b) = (&prepared[&pair.from], &prepared[&pair.to]);
-        let patches = match_patches(&a.spline, a.image, &a.grid, &b.spline, &map, options);
+        let patches = match_patches(&images[pair.from], grids.get(&pair.from)?, &images[pair.to], &map, options);
         let matches: Vec<PointMatch> = patches.iter().map(|m| m.to_point_match(options.model_sigma_px)).collect();
         if matches.len() < MIN_PATCHES {
             return None;
