@@ -350,7 +350,7 @@ impl Workspace {
             let relative = step[2] as f32;
             gain += relative * gain;
             bias += relative * bias + step[3] as f32;
-            if !(shift.amax() <= options.max_shift_px) {
+            if shift.amax().is_nan() || shift.amax() > options.max_shift_px {
                 return None;
             }
             if iteration > 2 && moved.norm() < SETTLED_PX {

@@ -51,10 +51,11 @@ pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec
             let row = &products[r * nb..(r + 1) * nb];
             let index = (start + r) as u32;
             for ((&value, best), nearest) in row.iter().zip(&mut backward_best).zip(&mut backward) {
-                // Choices instead of a branch: the compiler does several at once.
-                let better = value > *best;
-                *best = if better { value } else { *best };
-                *nearest = if better { index } else { *nearest };
+                // Masks instead of a branch: the compiler does several at once.
+                let (before, was) = (*best, *nearest);
+                let mask = u32::from(value > before).wrapping_neg();
+                *best = if value > before { value } else { before };
+                *nearest = (index & mask) | (was & !mask);
             }
             let [first, mut second] = two_largest(row);
             let near = |j: usize| {
