@@ -43,7 +43,7 @@ impl Default for PatchOptions {
     fn default() -> Self {
         Self {
             radius_px: 10,
-            max_patches: 1500,
+            max_patches: 1700,
             max_iterations: 10,
             max_shift_px: 2.5,
             max_sigma_px: 0.2,
@@ -87,8 +87,9 @@ fn margin_px(options: &PatchOptions) -> usize {
     options.radius_px + 2
 }
 
-/// Places of an image's templates: in every cell of a grid the one with the best texture. The cells are so wide, and the
-/// places so far from their borders, that templates do not overlap: their noise is independent. Row by row.
+/// Places of an image's templates: in every cell of a grid the one with the best texture, row by row. The cells are so wide,
+/// and the places so far from their borders, that templates do not overlap: their noise is independent. In images of up to
+/// a megapixel the cells are no larger than a template: more patches tell more than better ones.
 pub fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize)> {
     let (w, h) = (a.size().width, a.size().height);
     let (margin, side) = (margin_px(options), 2 * options.radius_px + 1);
@@ -98,13 +99,13 @@ pub fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize
     // Where centres may be.
     let (columns, rows) = (w - 2 * margin, h - 2 * margin);
     let area = (columns * rows) as f64;
-    let spacing = ((area / options.max_patches.max(1) as f64).sqrt().ceil() as usize).max(side + LEAST_CHOICE);
+    let spacing = ((area / options.max_patches.max(1) as f64).sqrt().ceil() as usize).max(side);
     let slack = spacing - side;
     let mut lines = TextureLines::new(w);
     let mut grid = Vec::with_capacity((columns / spacing + 1) * (rows / spacing + 1));
     for y0 in (0..rows).step_by(spacing) {
         let mut best: Vec<Option<(f64, (usize, usize))>> = vec![None; columns.div_ceil(spacing)];
-        for dy in [0, slack / 2, slack] {
+        for dy in (0..=slack).step_by((slack / 2).max(1)) {
             let y = margin + y0 + dy;
             if y >= h - margin {
                 continue;
@@ -123,9 +124,6 @@ pub fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize
     }
     grid
 }
-
-/// Pixels by which a template may at least be moved within its cell.
-const LEAST_CHOICE: usize = 2;
 
 /// Least eigenvalue of a template's sum of gradient products: below it the rounding to 8 bits alone moves a patch by a third of
 /// a pixel.
