@@ -4,6 +4,8 @@
 
 use std::{hint::black_box, time::Instant};
 
+use nalgebra::{Vector2, Vector3};
+
 use groundcal::{
     attitude_groups::{Motion, Sides},
     camera::{CameraOptions, solve_camera},
@@ -12,6 +14,7 @@ use groundcal::{
     features::{FeatureOptions, MatchOptions, detect, match_features},
     frame::Frame,
     homography::{HomographyEstimate, RobustOptions, estimate_robust, refine::RefineOptions, refine::refine},
+    least_squares_matching::{PatchOptions, match_patches, template_grid},
     synthetic::{
         points::{MotionSpec, PointScene},
         render::render_view,
@@ -19,7 +22,7 @@ use groundcal::{
     },
 };
 
-fn time<T>(name: &str, runs: usize, mut work: impl FnMut() -> T) {
+fn time<T>(name: &str, runs: usize, mut work: impl FnMut() -> T) -> f64 {
     let mut times: Vec<f64> = (0..runs)
         .map(|_| {
             let start = Instant::now();
@@ -29,6 +32,7 @@ fn time<T>(name: &str, runs: usize, mut work: impl FnMut() -> T) {
         .collect();
     times.sort_by(f64::total_cmp);
     println!("{name:<52} median {:>10.1} us   fastest {:>10.1} us", 1e6 * times[runs / 2], 1e6 * times[0]);
+    times[runs / 2]
 }
 
 fn main() {
@@ -55,6 +59,26 @@ fn run() {
     time("features of a 1024x768 image", 7, || detect(&a, &options));
     let (fa, fb) = (detect(&a, &options), detect(&b, &options));
     time("matches of a pair (3000 features each)", 7, || match_features(&fa, &fb, &MatchOptions::default()));
+
+    let options = PatchOptions::default();
+    time("templates of a 1024x768 image", 7, || template_grid(&a, &options));
+    let grid = template_grid(&a, &options);
+    // Half a pixel off, as features leave it.
+    let h: nalgebra::Matrix3<f64> = scene.h_b_from_a(0, 1).expect("a homography");
+    let map = |p: &Vector2<f64>| {
+        let q = h * Vector3::new(p.x, p.y, 1.0);
+        (q.z > 0.0).then(|| Vector2::new(q.x / q.z + 0.4, q.y / q.z - 0.3))
+    };
+    let match_all = || match_patches(&a, &grid, &b, &map, &options);
+    let found = match_all();
+    let steps = found.iter().map(|m| m.iterations).sum::<usize>() as f64 / found.len() as f64;
+    let median_s = time("least squares matching of a pair's patches", 15, match_all);
+    let per_thousand = 1e3 * median_s * 1e3 / found.len() as f64;
+    println!(
+        "  {} of {} templates found in {steps:.1} steps; {per_thousand:.1} ms per 1000 patches of 21x21 pixels",
+        found.len(),
+        grid.len()
+    );
 
     for (matches, outliers) in [(200, 0.0), (200, 0.3), (200, 0.6), (2000, 0.0), (2000, 0.3), (2000, 0.6)] {
         let scene = PointScene { matches, outlier_fraction: outliers, ..PointScene::nominal(1) };

@@ -53,10 +53,10 @@ impl GrayImage {
         (data.len() == size.width * size.height && data.iter().all(|v| v.is_finite())).then_some(Self { size, data })
     }
 
-    /// Pixel by pixel from two images of one size.
-    pub(crate) fn from_fn_of(a: &Self, b: &Self, f: impl Fn(f32, f32) -> f32) -> Self {
-        debug_assert_eq!(a.size, b.size);
-        Self { size: a.size, data: a.data.iter().zip(&b.data).map(|(&x, &y)| f(x, y)).collect() }
+    /// An image from rows that are known to be finite and of the right number.
+    pub(crate) fn from_parts(size: ImageSize, data: Vec<f32>) -> Self {
+        debug_assert_eq!(data.len(), size.width * size.height);
+        Self { size, data }
     }
 
     /// Width and height.

@@ -6,10 +6,14 @@
 use std::path::{Path, PathBuf};
 
 use groundcal::{
+    correspondence::PointMatch,
     features::{FeatureOptions, MatchOptions, detect, match_features},
+    frame::Frame,
+    homography::{RobustHomography, RobustOptions, estimate_robust},
     image::{GrayImage, ImageSize},
+    least_squares_matching::{PatchOptions, match_patches, template_grid},
 };
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// The folder of a set, if it is there.
 fn set(name: &str) -> Option<PathBuf> {
@@ -89,5 +93,54 @@ fn every_true_motion_has_150_correct_matches() {
             );
             assert!(errors.len() >= 150, "{name} {}: {} correct matches", pair[0]["file"], errors.len());
         }
+    }
+}
+
+#[test]
+fn patches_of_the_true_motions_are_good_to_a_few_hundredths_of_a_pixel() {
+    let Some(folder) = set("tripod_tiles") else { return };
+    let text = std::fs::read_to_string(folder.join("truth.json")).expect("readable");
+    let truth: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    for pair in truth["views"].as_array().expect("views").chunks(2) {
+        let h = image_from_floor(&truth, &pair[1]) * image_from_floor(&truth, &pair[0]).try_inverse().expect("regular");
+        let images = [&pair[0], &pair[1]].map(|v| load(&folder.join(v["file"].as_str().expect("a name"))));
+        let [fa, fb] = images.each_ref().map(|image| detect(image, &FeatureOptions::default()));
+        let frame = Frame::new(images[0].size(), None);
+        let robust = |matches: &[PointMatch], max_sigma_px: f64| -> RobustHomography {
+            let options = RobustOptions { max_sigma_px, ..RobustOptions::default() };
+            estimate_robust(matches, &frame, &options).expect("a homography")
+        };
+        // As a calibration does it: features give the map, patches refine it, and those that disagree are left out.
+        let rough = robust(&match_features(&fa, &fb, &MatchOptions::default()), 2.0).estimate.h_b_from_a;
+        let options = PatchOptions::default();
+        let [a, b] = &images;
+        let grid = template_grid(a, &options);
+        let patches = match_patches(a, &grid, b, &|p| rough.apply(p), &options);
+        let matches: Vec<PointMatch> = patches.iter().map(|m| m.to_point_match(options.model_sigma_px)).collect();
+        let kept = robust(&matches, 6.0).inliers;
+        let errors: Vec<Vector2<f64>> = kept
+            .iter()
+            .map(|&i| {
+                let q = h * Vector3::new(matches[i].a.x, matches[i].a.y, 1.0);
+                matches[i].b - Vector2::new(q.x / q.z, q.y / q.z)
+            })
+            .collect();
+        let n = errors.len() as f64;
+        let bias = errors.iter().sum::<Vector2<f64>>() / n;
+        let rms = [0, 1].map(|axis| (errors.iter().map(|e| e[axis] * e[axis]).sum::<f64>() / n).sqrt());
+        println!(
+            "{}: {} templates, {} patches, {} kept, rms ({:.4}, {:.4}) px, mean ({:+.4}, {:+.4}) px",
+            pair[0]["file"],
+            grid.len(),
+            patches.len(),
+            kept.len(),
+            rms[0],
+            rms[1],
+            bias.x,
+            bias.y
+        );
+        assert!(kept.len() >= 300, "{}: {} patches", pair[0]["file"], kept.len());
+        assert!(rms[0].hypot(rms[1]) <= 0.06 * 2f64.sqrt(), "{}: rms {rms:?} px", pair[0]["file"]);
+        assert!(bias.amax() < 0.02, "{}: bias {bias}", pair[0]["file"]);
     }
 }

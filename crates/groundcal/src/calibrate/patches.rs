@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::{Pipeline, Stage, pairs::PairResult};
 use crate::{
     correspondence::{ImagePair, PointMatch},
-    least_squares_matching::{SplineImage, match_patches},
+    image::GrayImage,
+    least_squares_matching::{match_patches, template_grid},
     lens_estimate::Lens,
 };
 
@@ -28,14 +29,14 @@ impl Pipeline<'_> {
             return (pairs, results);
         }
         self.observer.begin(Stage::Patches, used.len());
-        let needed: std::collections::BTreeSet<usize> =
-            used.iter().flat_map(|&i| [pairs[i].from, pairs[i].to]).collect();
-        let splines: std::collections::BTreeMap<usize, SplineImage> =
-            needed.into_par_iter().map(|i| (i, SplineImage::new(&images[i]))).collect();
+        let needed: std::collections::BTreeSet<usize> = used.iter().map(|&i| pairs[i].from).collect();
+        // Templates belong to their image: all its pairs share them.
+        let grids: std::collections::BTreeMap<usize, Vec<(usize, usize)>> =
+            needed.into_par_iter().map(|i| (i, template_grid(&images[i], &self.options.patches))).collect();
         let better: Vec<(usize, ImagePair, PairResult)> = used
             .par_iter()
             .filter_map(|&i| {
-                let found = self.sharpened(&pairs[i], &results[i], images, &splines, lens);
+                let found = self.sharpened(&pairs[i], &results[i], images, &grids, lens);
                 self.observer.advance(Stage::Patches);
                 found.map(|(pair, result)| (i, pair, result))
             })
@@ -51,8 +52,8 @@ impl Pipeline<'_> {
         &self,
         pair: &ImagePair,
         result: &PairResult,
-        images: &[crate::image::GrayImage],
-        splines: &std::collections::BTreeMap<usize, SplineImage>,
+        images: &[GrayImage],
+        grids: &std::collections::BTreeMap<usize, Vec<(usize, usize)>>,
         lens: Option<&Lens>,
     ) -> Option<(ImagePair, PairResult)> {
         let (robust, geometry) = result.outcome.as_ref().ok()?;
@@ -62,7 +63,7 @@ impl Pipeline<'_> {
             Some(lens) => lens.real_point(&h.apply(&lens.ideal_point(p)?)?),
         };
         let options = &self.options.patches;
-        let patches = match_patches(&splines[&pair.from], &images[pair.from], &splines[&pair.to], &map, options);
+        let patches = match_patches(&images[pair.from], grids.get(&pair.from)?, &images[pair.to], &map, options);
         let matches: Vec<PointMatch> = patches.iter().map(|m| m.to_point_match(options.model_sigma_px)).collect();
         if matches.len() < MIN_PATCHES {
             return None;

@@ -91,17 +91,19 @@ impl Window {
         }
     }
 
-    /// Weighted gradient magnitudes and directions of a row of the window, by central differences.
-    fn fill(&mut self, image: &GrayImage, y: usize) {
-        let (x, n) = (self.x.start, self.x.len());
+    /// Weighted gradient magnitudes and directions of the columns `from..to` (counted in the window) of a row, by central
+    /// differences; they come first.
+    fn fill(&mut self, image: &GrayImage, y: usize, from: usize, to: usize) {
+        let (x, n) = (self.x.start + from, to - from);
         let row = image.row(y);
         let (left, right) = (&row[x - 1..x - 1 + n], &row[x + 1..x + 1 + n]);
         let (above, below) = (&image.row(y - 1)[x..x + n], &image.row(y + 1)[x..x + n]);
         let weight_y = self.weight_y[y - self.y.start];
-        for i in 0..n {
+        let out = self.magnitude[..n].iter_mut().zip(&mut self.angle[..n]).zip(&self.weight_x[from..to]);
+        for (i, ((magnitude, angle), weight_x)) in out.enumerate() {
             let (gx, gy) = (right[i] - left[i], below[i] - above[i]);
-            self.magnitude[i] = (gx * gx + gy * gy).sqrt() * (self.weight_x[i] * weight_y);
-            self.angle[i] = direction(gy, gx);
+            *magnitude = (gx * gx + gy * gy).sqrt() * (weight_x * weight_y);
+            *angle = direction(gy, gx);
         }
     }
 }
@@ -111,7 +113,7 @@ fn directions(image: &GrayImage, x: f32, y: f32, scale: f32) -> Vec<f32> {
     let mut window = Window::new(image, x, y, 3.0 * sigma, sigma);
     let mut histogram = [0.0f32; DIRECTIONS];
     for py in window.y.clone() {
-        window.fill(image, py);
+        window.fill(image, py, 0, window.x.len());
         for (weight, angle) in window.magnitude.iter().zip(&window.angle) {
             // Shared between the two nearest bins.
             let position = angle * (DIRECTIONS as f32 / TAU);
@@ -156,9 +158,22 @@ fn histogram(image: &GrayImage, x: f32, y: f32, scale: f32, angle: f32) -> Optio
     let mut cells = [0.0f32; WIDE * WIDE * BINS];
     let middle = CELLS as f32 * 0.5 + 0.5;
     for py in window.y.clone() {
-        window.fill(image, py);
         let dy = py as f32 - y;
-        for (i, px) in window.x.clone().enumerate() {
+        // The columns where the turned square meets this row, and one more on either side; `max` and `min` pass over the NaN
+        // of a square that is not turned.
+        let along = |across: f32, slope: f32| {
+            let (p, q) = ((-middle - across) / slope, (middle - across) / slope);
+            if p < q { (p, q) } else { (q, p) }
+        };
+        let ((low, high), (low_too, high_too)) = (along(sin * dy, cos), along(cos * dy, -sin));
+        let from = (x + low.max(low_too) - 1.0).max(window.x.start as f32);
+        let to = (x + high.min(high_too) + 2.0).min(window.x.end as f32);
+        if from.is_nan() || to.is_nan() || from >= to {
+            continue;
+        }
+        let (from, to) = (from as usize, to as usize);
+        window.fill(image, py, from - window.x.start, to - window.x.start);
+        for (i, px) in (from..to).enumerate() {
             let dx = px as f32 - x;
             let (column, row) = (cos * dx + sin * dy + middle, cos * dy - sin * dx + middle);
             if column <= 0.0 || row <= 0.0 || column >= (WIDE - 1) as f32 || row >= (WIDE - 1) as f32 {

@@ -36,7 +36,7 @@ pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec
     let rows_of_b = DMatrix::from_row_slice(nb, DESCRIPTOR_LENGTH, &b.descriptors);
     // For each feature of a its nearest and the best rival's product; for each of b its nearest.
     let mut forward: Vec<(usize, f32, f32)> = Vec::with_capacity(na);
-    let mut backward: Vec<(usize, f32)> = vec![(0, f32::NEG_INFINITY); nb];
+    let (mut backward, mut backward_best) = (vec![0u32; nb], vec![f32::NEG_INFINITY; nb]);
     for start in (0..na).step_by(BLOCK) {
         let rows = BLOCK.min(na - start);
         let block = &a.descriptors[start * DESCRIPTOR_LENGTH..(start + rows) * DESCRIPTOR_LENGTH];
@@ -49,22 +49,15 @@ pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec
         );
         for r in 0..rows {
             let row = &products[r * nb..(r + 1) * nb];
-            for (&value, best) in row.iter().zip(backward.iter_mut()) {
-                if value > best.1 {
-                    *best = (start + r, value);
-                }
+            let index = (start + r) as u32;
+            for ((&value, best), nearest) in row.iter().zip(&mut backward_best).zip(&mut backward) {
+                // Masks instead of a branch: the compiler does several at once.
+                let (before, was) = (*best, *nearest);
+                let mask = u32::from(value > before).wrapping_neg();
+                *best = if value > before { value } else { before };
+                *nearest = (index & mask) | (was & !mask);
             }
-            let (mut first, mut second) = ((0, f32::NEG_INFINITY), (0, f32::NEG_INFINITY));
-            for (j, &value) in row.iter().enumerate() {
-                if value > second.1 {
-                    if value > first.1 {
-                        second = first;
-                        first = (j, value);
-                    } else {
-                        second = (j, value);
-                    }
-                }
-            }
+            let [first, mut second] = two_largest(row);
             let near = |j: usize| {
                 let (p, q) = (&b.points[first.0], &b.points[j]);
                 let reach = options.same_place_scales * p.scale_px.max(q.scale_px);
@@ -87,7 +80,7 @@ pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec
     let mut seen = std::collections::HashSet::new();
     for (i, &(j, best, rival)) in forward.iter().enumerate() {
         let distinct = rival == f32::NEG_INFINITY || squared(best) < options.max_ratio.powi(2) * squared(rival);
-        if !distinct || backward[j].0 != i {
+        if !distinct || backward[j] as usize != i {
             continue;
         }
         let (p, q) = (&a.points[i], &b.points[j]);
@@ -101,4 +94,29 @@ pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec
         }
     }
     matches
+}
+
+/// The two largest values of a row and where they are; of equals the first.
+fn two_largest(row: &[f32]) -> [(usize, f32); 2] {
+    const LANES: usize = 16;
+    let (mut first, mut second) = ((0, f32::NEG_INFINITY), (0, f32::NEG_INFINITY));
+    for (c, chunk) in row.chunks(LANES).enumerate() {
+        // Hardly any chunk has one: looked at without a branch for each value.
+        let limit = second.1;
+        let above = chunk.iter().fold(false, |above, &value| above | (value > limit));
+        if !above {
+            continue;
+        }
+        for (j, &value) in chunk.iter().enumerate() {
+            if value > second.1 {
+                let here = (c * LANES + j, value);
+                if value > first.1 {
+                    (first, second) = (here, first);
+                } else {
+                    second = here;
+                }
+            }
+        }
+    }
+    [first, second]
 }

@@ -78,9 +78,12 @@ pub fn detect(image: &GrayImage, options: &FeatureOptions) -> Features {
     let extrema = spread(space.extrema(options), image, options.max_features);
     let mut features = Features::default();
     for extremum in &extrema {
+        // Several directions at one point may exceed the cap: the weakest go.
+        if features.points.len() >= options.max_features {
+            break;
+        }
         descriptor::describe(&space, extremum, &mut features);
     }
-    // Several directions at one point may exceed the cap: the weakest go.
     let keep = options.max_features.min(features.points.len());
     features.points.truncate(keep);
     features.descriptors.truncate(keep * DESCRIPTOR_LENGTH);

@@ -76,72 +76,129 @@ impl ScaleSpace {
     pub(super) fn extrema(&self, options: &FeatureOptions) -> Vec<Extremum> {
         let mut found = Vec::new();
         for (index, octave) in self.octaves.iter().enumerate() {
-            let differences: Vec<GrayImage> =
-                octave.gaussians.windows(2).map(|pair| subtract(&pair[1], &pair[0])).collect();
-            for layer in 1..=LAYERS {
-                extrema_of_layer(&differences, layer, index, octave.pixel_px, options, &mut found);
-            }
+            extrema_of_octave(octave, index, options, &mut found);
         }
         found
     }
 }
 
-fn extrema_of_layer(
-    differences: &[GrayImage],
-    layer: usize,
-    octave: usize,
-    pixel_px: f32,
-    options: &FeatureOptions,
-    found: &mut Vec<Extremum>,
-) {
+/// A row of a difference of Gaussians, and the highest and lowest values of it and the rows above and below.
+struct DifferenceRows {
+    /// Three rows in turn: row y is entry y mod 3.
+    rows: [Vec<f32>; 3],
+    high: Vec<f32>,
+    low: Vec<f32>,
+}
+
+impl DifferenceRows {
+    fn new(w: usize) -> Self {
+        let row = || vec![0.0f32; w];
+        Self { rows: [row(), row(), row()], high: row(), low: row() }
+    }
+
+    fn subtract(&mut self, upper: &[f32], lower: &[f32], y: usize) {
+        for ((d, u), l) in self.rows[y % 3].iter_mut().zip(upper).zip(lower) {
+            *d = u - l;
+        }
+    }
+
+    fn take_extremes(&mut self) {
+        let [a, b, c] = &self.rows;
+        for (high, ((a, b), c)) in self.high.iter_mut().zip(a.iter().zip(b).zip(c)) {
+            *high = larger(larger(*a, *b), *c);
+        }
+        for (low, ((a, b), c)) in self.low.iter_mut().zip(a.iter().zip(b).zip(c)) {
+            *low = smaller(smaller(*a, *b), *c);
+        }
+    }
+}
+
+// Plain comparisons, which become one instruction; `f32::max` must look after NaN.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// Samples of an octave's differences that are not exceeded by their 26 neighbours. The differences are taken row by row and
+/// not kept.
+fn extrema_of_octave(octave: &Octave, index: usize, options: &FeatureOptions, found: &mut Vec<Extremum>) {
     let threshold = (0.5 * options.contrast_threshold / LAYERS as f64) as f32;
-    let (w, h) = (differences[0].width(), differences[0].height());
-    // Highest and lowest of the nine values in this column: three rows of three layers.
+    let g = &octave.gaussians;
+    let (w, h) = (g[0].width(), g[0].height());
+    let mut differences: Vec<DifferenceRows> = (0..LAYERS + 2).map(|_| DifferenceRows::new(w)).collect();
     let (mut high, mut low) = (vec![0.0f32; w], vec![0.0f32; w]);
-    for y in BORDER..h - BORDER {
-        let row = differences[layer].row(y);
-        high.copy_from_slice(row);
-        low.copy_from_slice(row);
-        for difference in &differences[layer - 1..=layer + 1] {
-            for neighbour in [y - 1, y, y + 1] {
-                for ((top, bottom), &v) in high.iter_mut().zip(&mut low).zip(difference.row(neighbour)) {
-                    *top = if v > *top { v } else { *top };
-                    *bottom = if v < *bottom { v } else { *bottom };
+    let mut is_extremum = vec![false; w];
+    let mut layers: [Vec<Extremum>; LAYERS] = [const { Vec::new() }; LAYERS];
+    for y in BORDER - 1..h - BORDER + 1 {
+        for (layer, difference) in differences.iter_mut().enumerate() {
+            difference.subtract(g[layer + 1].row(y), g[layer].row(y), y);
+            if y > BORDER {
+                difference.take_extremes();
+            }
+        }
+        if y <= BORDER {
+            continue;
+        }
+        // All around the row before is there now.
+        let y = y - 1;
+        for layer in 1..=LAYERS {
+            let [before, here, after] = [&differences[layer - 1], &differences[layer], &differences[layer + 1]];
+            for (high, ((a, b), c)) in high.iter_mut().zip(before.high.iter().zip(&here.high).zip(&after.high)) {
+                *high = larger(larger(*a, *b), *c);
+            }
+            for (low, ((a, b), c)) in low.iter_mut().zip(before.low.iter().zip(&here.low).zip(&after.low)) {
+                *low = smaller(smaller(*a, *b), *c);
+            }
+            let row = &here.rows[y % 3][BORDER..w - BORDER];
+            let n = row.len();
+            let (h0, h1, h2) = (&high[BORDER - 1..][..n], &high[BORDER..][..n], &high[BORDER + 1..][..n]);
+            let (l0, l1, l2) = (&low[BORDER - 1..][..n], &low[BORDER..][..n], &low[BORDER + 1..][..n]);
+            let flags = &mut is_extremum[..n];
+            for i in 0..n {
+                let v = row[i];
+                let top = (v > threshold) & (v >= h0[i]) & (v >= h1[i]) & (v >= h2[i]);
+                let bottom = (v < -threshold) & (v <= l0[i]) & (v <= l1[i]) & (v <= l2[i]);
+                flags[i] = top | bottom;
+            }
+            for x in (0..n).filter(|&i| flags[i]).map(|i| i + BORDER) {
+                if let Some((fx, fy, fs, response, final_layer)) = locate(g, layer, x, y, options) {
+                    layers[layer - 1].push(Extremum {
+                        x: fx * octave.pixel_px,
+                        y: fy * octave.pixel_px,
+                        scale: (BASE_SIGMA as f32) * 2f32.powf(fs / LAYERS as f32) * octave.pixel_px,
+                        response,
+                        octave: index,
+                        layer: final_layer,
+                    });
                 }
             }
         }
-        for x in BORDER..w - BORDER {
-            let v = row[x];
-            let is_extremum = (v > threshold && v >= high[x - 1] && v >= high[x] && v >= high[x + 1])
-                || (v < -threshold && v <= low[x - 1] && v <= low[x] && v <= low[x + 1]);
-            if is_extremum && let Some((fx, fy, fs, response, final_layer)) = locate(differences, layer, x, y, options)
-            {
-                found.push(Extremum {
-                    x: fx * pixel_px,
-                    y: fy * pixel_px,
-                    scale: (BASE_SIGMA as f32) * 2f32.powf(fs / LAYERS as f32) * pixel_px,
-                    response,
-                    octave,
-                    layer: final_layer,
-                });
-            }
-        }
+    }
+    for layer in &mut layers {
+        found.append(layer);
     }
 }
 
 /// The extremum of the quadratic through the neighbours, moving on where it lies nearer to another sample; contrast and
 /// edge tests. Column, row and layer as fractions, response, nearest layer.
 fn locate(
-    d: &[GrayImage],
+    g: &[GrayImage],
     mut layer: usize,
     mut x: usize,
     mut y: usize,
     options: &FeatureOptions,
 ) -> Option<(f32, f32, f32, f32, usize)> {
-    let (w, h) = (d[0].width(), d[0].height());
+    let (w, h) = (g[0].width(), g[0].height());
     for _ in 0..5 {
-        let at =
-            |l: usize, dx: isize, dy: isize| f64::from(d[l].get(x.wrapping_add_signed(dx), y.wrapping_add_signed(dy)));
+        let at = |l: usize, dx: isize, dy: isize| {
+            let (x, y) = (x.wrapping_add_signed(dx), y.wrapping_add_signed(dy));
+            f64::from(g[l + 1].get(x, y) - g[l].get(x, y))
+        };
         let (below, here, above) = (layer - 1, layer, layer + 1);
         let v = at(here, 0, 0);
         let gx = 0.5 * (at(here, 1, 0) - at(here, -1, 0));
@@ -186,10 +243,6 @@ fn locate(
         layer = moved(layer, offset.z, 1, LAYERS)?;
     }
     None
-}
-
-fn subtract(a: &GrayImage, b: &GrayImage) -> GrayImage {
-    GrayImage::from_fn_of(a, b, |x, y| x - y)
 }
 
 /// Twice the size by linear interpolation; pixel i of the image is pixel 2 i of the result.
@@ -273,18 +326,27 @@ pub(crate) fn blur(image: &GrayImage, sigma: f64) -> GrayImage {
     let weights: Vec<f32> = weights.iter().map(|w| (w / total) as f32).collect();
 
     let (w, h) = (image.width(), image.height());
-    let mut across = GrayImage::filled(image.size(), 0.0);
     let mut padded = vec![0.0f32; w + 2 * radius];
-    for (y, out) in across.data_mut().chunks_exact_mut(w).enumerate() {
-        let row = image.row(y);
-        padded[..radius].fill(row[0]);
-        padded[radius..radius + w].copy_from_slice(row);
-        padded[radius + w..].fill(row[w - 1]);
-        symmetric_sum(out, &weights, |i| (&padded[radius - i..radius - i + w], &padded[radius + i..radius + i + w]));
+    // Rows blurred along themselves, as many as one row of the result takes, in turn: they stay in the cache.
+    let kept = 2 * radius + 1;
+    let mut across = vec![0.0f32; kept * w];
+    let place = |y: usize| y % kept * w..(y % kept + 1) * w;
+    let mut down = Vec::with_capacity(w * h);
+    let mut done = 0;
+    for y in 0..h {
+        while done < (y + radius + 1).min(h) {
+            let row = image.row(done);
+            padded[..radius].fill(row[0]);
+            padded[radius..radius + w].copy_from_slice(row);
+            padded[radius + w..].fill(row[w - 1]);
+            let shifted = |i: usize| (&padded[radius - i..radius - i + w], &padded[radius + i..radius + i + w]);
+            symmetric_sum(&mut across[place(done)], &weights, shifted);
+            done += 1;
+        }
+        let start = down.len();
+        down.resize(start + w, 0.0);
+        let rows = |i: usize| (&across[place(y.saturating_sub(i))], &across[place((y + i).min(h - 1))]);
+        symmetric_sum(&mut down[start..], &weights, rows);
     }
-    let mut down = GrayImage::filled(image.size(), 0.0);
-    for (y, out) in down.data_mut().chunks_exact_mut(w).enumerate() {
-        symmetric_sum(out, &weights, |i| (across.row(y.saturating_sub(i)), across.row((y + i).min(h - 1))));
-    }
-    down
+    GrayImage::from_parts(image.size(), down)
 }
