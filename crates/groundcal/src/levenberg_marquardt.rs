@@ -133,7 +133,6 @@ pub fn minimise<P: LeastSquares>(
         }
         let candidate = problem.retract(&state, &step);
         let gain = problem.cost(&candidate).map_or(-1.0, |cost| (at.cost() - cost) / predicted_decrease);
-        if std::env::var("LMDBG").is_ok() && step.len() > 30 { #[allow(clippy::print_stderr)] { eprintln!("{iterations} cost {:.6e} lambda {lambda:.1e} pred {predicted_decrease:.3e} gain {gain:.3} step {:.2e}", at.cost(), step.amax()); } }
         if gain > 0.0 {
             match problem.linearise(&candidate) {
                 Some(linearised) => {

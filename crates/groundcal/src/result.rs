@@ -133,6 +133,19 @@ pub struct Fit {
     pub refinement: Option<Refinement>,
 }
 
+/// How the residuals of one kind of measurement are.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct ResidualReport {
+    /// Points seen in images.
+    pub observations: usize,
+    /// Weighted squared residuals over their degrees of freedom, weights being those that single homographies gave: 1 says that
+    /// the model explains the matches as well as a homography a pair does. The weights were scaled by it.
+    pub variance_factor: f64,
+    /// How much more the residuals of neighbouring points have in common than independent ones would (1: nothing): a lens or a
+    /// floor not quite as the model says, matching errors that depend on the perspective. The variances are larger by it.
+    pub design_effect: f64,
+}
+
 /// How the joint refinement went.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Refinement {
@@ -142,12 +155,12 @@ pub struct Refinement {
     pub tracks: usize,
     /// Degrees of freedom of the residuals.
     pub degrees_of_freedom: f64,
-    /// Weighted squared residuals over their degrees of freedom, weights being those that single homographies gave: 1 says that
-    /// the model explains the matches as well as a homography a motion does. The weights were scaled by it.
-    pub variance_factor: f64,
-    /// How much more the residuals of neighbouring points have in common than independent ones would (1: nothing): a lens or a
-    /// floor not quite as the model says. All variances are larger by it.
-    pub design_effect: f64,
+    /// Patches matched by least squares, where there are any.
+    pub patches: Option<ResidualReport>,
+    /// Features, or points from elsewhere.
+    pub points: Option<ResidualReport>,
+    /// Pairs of images of different attitudes that take part because both see the same floor.
+    pub ties: usize,
     /// Levenberg-Marquardt steps.
     pub iterations: usize,
     /// Whether the last loop ended by itself.

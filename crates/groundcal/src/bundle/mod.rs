@@ -31,7 +31,7 @@ pub use model::{CAMERA, CameraVector, GroupState, SceneModel, ViewState};
 pub use problem::State;
 use problem::{Ingredients, Layout, Problem, Reduced, STIFF};
 pub use skyline::SkylineCholesky;
-pub use tracks::{Observation, Track};
+pub use tracks::{KINDS, Kind, Observation, Track};
 
 /// Options of [`adjust`].
 #[derive(Debug, Clone, Copy)]
@@ -133,12 +133,16 @@ pub struct Bundle {
     pub attitude_sigma: Component,
     /// Relative deviation of the views' heights.
     pub height_sigma: Component,
-    /// Weighted squared residuals over their degrees of freedom, before the weights were scaled by it.
-    pub variance_factor: f64,
-    /// How much more the residuals of neighbours have in common than independent ones would; the covariances allow for it.
-    pub design_effect: f64,
+    /// Weighted squared residuals over their degrees of freedom, before the weights were scaled by it, for each [`Kind`]; 1 where
+    /// there are none.
+    pub variance_factors: [f64; KINDS],
+    /// How much more the residuals of neighbours have in common than independent ones would, for each [`Kind`]; the covariances
+    /// allow for it.
+    pub design_effects: [f64; KINDS],
     /// Observations (of two coordinates), tracks, columns.
     pub counts: [usize; 3],
+    /// Observations of each [`Kind`].
+    pub observations_of: [usize; KINDS],
     /// Degrees of freedom of the residuals.
     pub degrees_of_freedom: f64,
     /// How well the views' attitudes agree with σ_a: chi-squared of their deviations and its degrees of freedom.
@@ -201,7 +205,7 @@ pub fn adjust(
     let mut iterations = 0;
     let mut round = 0;
     let mut last = None;
-    let mut design_effect = 1.0;
+    let mut effects = [1.0; KINDS];
     loop {
         round += 1;
         (problem.attitude_sigma_rad, problem.height_sigma) = (attitude_sigma.sigma, height_sigma.sigma);
@@ -218,16 +222,12 @@ pub fn adjust(
         let factor = out.linearised.information.cholesky(0.0).ok_or_else(|| failed("the information is singular"))?;
         let squared_residuals =
             problem.squared_residuals(&out.state).ok_or_else(|| failed("the solution is outside the model"))?;
-        let (variance, degrees_of_freedom) =
-            variance_factor(&problem, &out.state, &squared_residuals, &factor);
+        let (variances, degrees_of_freedom) = variance_factors(&problem, &out.state, &squared_residuals, &factor);
+        let next_effects = problem
+            .design_effects(&out.state, options.image_half_sides, variances)
+            .ok_or_else(|| failed("the solution is outside the model"))?;
         // In units of single residuals, which the weights in force take for larger by what neighbours have in common.
-        let variance = variance * design_effect;
-        let next_effect = problem
-            .design_effect(&out.state, options.image_half_sides)
-            .ok_or_else(|| failed("the solution is outside the model"))?
-            / variance
-            * design_effect;
-        let next_effect = next_effect.max(1.0);
+        let white: [f64; KINDS] = std::array::from_fn(|k| variances[k] * effects[k]);
         let deltas = Deviations::of_attitudes(&problem, &out.state, &factor, problem.attitude_sigma_rad);
         let heights = Deviations::of_heights(&problem, &out.state, &factor, problem.height_sigma);
         // From round to round the weights of the loss change too: the camera rests when they hardly move it.
@@ -241,7 +241,8 @@ pub fn adjust(
                 .fold(0.0, f64::max)
         });
         last = Some(out.state.camera);
-        let mut settled = (variance - 1.0).abs() < 0.02 && moved < 0.02 && (next_effect / design_effect).ln().abs() < 0.05;
+        let rests = |k: usize| (white[k] - 1.0).abs() < 0.02 && (next_effects[k] / effects[k]).ln().abs() < 0.05;
+        let mut settled = moved < 0.02 && (0..KINDS).all(rests);
         let agreement = deltas.as_ref().map_or((0.0, 0), |d| d.agreement(attitude_sigma.sigma));
         if options.attitude_sigma_rad.is_none()
             && let Some(d) = &deltas
@@ -258,7 +259,6 @@ pub fn adjust(
             settled &= (next.sigma / height_sigma.sigma).ln().abs() < 0.05;
             height_sigma = next;
         }
-        if std::env::var("LMDBG").is_ok() { #[allow(clippy::print_stderr)] { eprintln!("round {round} var {variance:.4} sigma_a {:.5} sigma_h {:.6} agreement {agreement:?} its {} {:?} eig {:?}", attitude_sigma.sigma.to_degrees(), height_sigma.sigma, out.iterations, out.stop, deltas.as_ref().map(|d| d.eigenvalues.as_slice().to_vec())); } }
         if settled || round == ROUNDS {
             let solution = Solution { problem: &problem, state: &out.state, factor: &factor };
             // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
@@ -274,9 +274,12 @@ pub fn adjust(
                 views: solution.views(&origin_of, tracks, &squared_residuals, widened),
                 attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..attitude_sigma },
                 height_sigma: Component { sigma: problem.height_sigma, ..height_sigma },
-                variance_factor: variance / (problem.weight * design_effect),
-                design_effect,
+                variance_factors: std::array::from_fn(|k| white[k] / (problem.weights[k] * effects[k])),
+                design_effects: effects,
                 counts: [problem.observations(), problem.tracks(), problem.layout.size],
+                observations_of: std::array::from_fn(|k| {
+                    tracks.iter().filter(|t| t.kind as usize == k).map(|t| t.observations.len()).sum()
+                }),
                 degrees_of_freedom,
                 agreement,
                 cost: out.cost,
@@ -287,11 +290,11 @@ pub fn adjust(
             });
         }
         // What is large is so in units of single residuals.
-        let white = (problem.weight * design_effect / variance).clamp(1e-6, 25.0);
-        let rescaled = white / problem.weight;
-        problem.reweight(&squared_residuals.iter().map(|t| t.iter().map(|r| r * rescaled).collect()).collect::<Vec<_>>());
-        problem.weight = white / next_effect;
-        design_effect = next_effect;
+        let next_white: [f64; KINDS] =
+            std::array::from_fn(|k| (problem.weights[k] * effects[k] / white[k]).clamp(1e-6, 25.0));
+        problem.reweight(&squared_residuals, std::array::from_fn(|k| next_white[k] / problem.weights[k]));
+        problem.weights = std::array::from_fn(|k| next_white[k] / next_effects[k]);
+        effects = next_effects;
     }
 }
 
@@ -355,25 +358,29 @@ fn profile_widening(
     if widest <= 1.3 { 1.0 } else { widest }
 }
 
-/// Mean squared weighted residual per degree of freedom, and these: two a observation less two a track less the columns, of
-/// which those with priors count by how much the data decide them.
-fn variance_factor(
+/// Mean squared weighted residual per degree of freedom of each kind, and all of these: two an observation less two a track less
+/// the columns, of which those with priors count by how much the data decide them.
+fn variance_factors(
     problem: &Problem,
     state: &State,
     squared_residuals: &[Vec<f64>],
     factor: &SkylineCholesky,
-) -> (f64, f64) {
-    let total = problem.weighted_sum(squared_residuals);
+) -> ([f64; KINDS], f64) {
     let held: f64 = problem
         .prior_information(state)
         .into_iter()
         .map(|(column, information)| (information * factor.inverse_block(&[column])[(0, 0)]).min(1.0))
         .sum();
-    let dof = 2.0 * problem.observations() as f64 - 2.0 * problem.tracks() as f64 - (problem.layout.size as f64 - held);
+    let redundancies = problem.redundancies().map(|r| r as f64);
+    let total: f64 = redundancies.iter().sum();
+    let dof = total - (problem.layout.size as f64 - held);
     if dof < 1.0 {
-        return (1.0, dof.max(0.0));
+        return ([1.0; KINDS], dof.max(0.0));
     }
-    (total / dof, dof)
+    let sums = problem.weighted_sums(squared_residuals);
+    // The columns cost each kind in proportion.
+    let of_kind = |k: usize| if redundancies[k] > 0.0 { sums[k] / (redundancies[k] * dof / total) } else { 1.0 };
+    (std::array::from_fn(of_kind), dof)
 }
 
 /// Deviations with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,

@@ -15,7 +15,7 @@ use super::{
         project_with_derivatives, tangent_of,
     },
     skyline::Skyline,
-    tracks::Track,
+    tracks::{KINDS, Track},
 };
 use crate::{
     frame::Frame,
@@ -100,8 +100,10 @@ pub struct Problem {
     pub attitude_sigma_rad: f64,
     /// Relative deviation of each view's height from that of its group.
     pub height_sigma: f64,
-    /// Factor on the information of each observation.
-    pub weight: f64,
+    /// Factors on the information of the observations of each kind.
+    pub weights: [f64; KINDS],
+    /// Kind of each track.
+    kinds: Vec<usize>,
     /// Views whose height is the unit of length: 1 by definition.
     origins: Vec<usize>,
     /// Residuals beyond this many deviations count less (Huber).
@@ -184,7 +186,8 @@ impl Problem {
             camera_priors: i.camera_priors,
             attitude_sigma_rad: STIFF,
             height_sigma: 1.0,
-            weight: 1.0,
+            weights: [1.0; KINDS],
+            kinds: i.tracks.iter().map(|t| t.kind as usize).collect(),
             origins,
             huber: i.huber,
         }
@@ -193,6 +196,15 @@ impl Problem {
     /// Observations.
     pub fn observations(&self) -> usize {
         self.seen.iter().map(Vec::len).sum()
+    }
+
+    /// Degrees of freedom of each kind before cameras and views are counted: two an observation less two a track.
+    pub fn redundancies(&self) -> [usize; KINDS] {
+        let mut out = [0; KINDS];
+        for (seen, &kind) in self.seen.iter().zip(&self.kinds) {
+            out[kind] += 2 * (seen.len() - 1);
+        }
+        out
     }
 
     /// Tracks.
@@ -294,7 +306,7 @@ impl Problem {
             for &t in &c.tracks {
                 for (s, &v) in self.seen[t].iter().zip(&c.views) {
                     let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
-                    out[t].push(self.weight * whitened(s, &(pixel - s.pixel)).norm_squared());
+                    out[t].push(self.weights[self.kinds[t]] * whitened(s, &(pixel - s.pixel)).norm_squared());
                 }
             }
         }
@@ -311,31 +323,38 @@ impl Problem {
         own.chain(origins).filter(|(c, _)| Layout::is_free(*c)).map(|(_, value)| value).collect()
     }
 
-    /// How much more the residuals of neighbouring points have in common than independent ones would: the mean square of sums over
-    /// cells of the images, by its expectation. A lens or a floor that is not quite as the model says, and matching errors that
-    /// depend on the perspective, show in it where the size of single residuals does not. 1 where the difference is chance.
-    pub fn design_effect(&self, state: &State, image_half_sides: [f64; 2]) -> Option<f64> {
+    /// How much more the residuals of neighbouring points of each kind have in common than independent ones would: the mean square
+    /// of sums over cells of the images, by its expectation from the `variances` of single residuals. A lens or a floor that is
+    /// not quite as the model says, and matching errors that depend on the perspective, show in it where the size of single
+    /// residuals does not. 1 where the difference may be chance.
+    pub fn design_effects(
+        &self,
+        state: &State,
+        image_half_sides: [f64; 2],
+        variances: [f64; KINDS],
+    ) -> Option<[f64; KINDS]> {
         let (projector, poses) = (self.projector(state), self.poses(state));
-        let mut cells: BTreeMap<[usize; 2], [Cell; CELLS * CELLS]> = BTreeMap::new();
+        let mut cells: BTreeMap<[usize; 3], [Cell; CELLS * CELLS]> = BTreeMap::new();
         for c in &self.clusters {
             let share = (c.views.len() as f64 - 1.0) / c.views.len() as f64;
             for &t in &c.tracks {
+                let kind = self.kinds[t];
                 for (s, &v) in self.seen[t].iter().zip(&c.views).skip(1) {
                     let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
-                    let r = whitened(s, &(pixel - s.pixel)) * (self.weight * s.robust).sqrt();
+                    let r = whitened(s, &(pixel - s.pixel)) * (self.weights[kind] * s.robust).sqrt();
                     let place = |x: f64, half: f64| {
                         ((0.5 * (x / half + 1.0) * CELLS as f64).max(0.0) as usize).min(CELLS - 1)
                     };
                     let at = place(s.pixel.y, image_half_sides[1]) * CELLS + place(s.pixel.x, image_half_sides[0]);
-                    let cell = &mut cells.entry([c.views[0], v]).or_default()[at];
+                    let cell = &mut cells.entry([kind, c.views[0], v]).or_default()[at];
                     cell.sum += r;
-                    cell.variance += share;
+                    cell.variance += share * variances[kind];
                     cell.count += 1;
                 }
             }
         }
-        let (mut squares, mut expected, mut degrees_of_freedom) = (0.0, 0.0, 0.0);
-        for pair in cells.values() {
+        let (mut squares, mut expected, mut degrees_of_freedom) = ([0.0; KINDS], [0.0; KINDS], [0.0; KINDS]);
+        for ([kind, _, _], pair) in &cells {
             let full = || pair.iter().filter(|c| c.count >= CELL_COUNT);
             let numbers = 2.0 * full().count() as f64;
             // What a homography of its own would follow is not in the residuals.
@@ -343,36 +362,39 @@ impl Problem {
             if left <= 0.0 {
                 continue;
             }
-            squares += full().map(|c| c.sum.norm_squared()).sum::<f64>();
-            expected += 2.0 * full().map(|c| c.variance).sum::<f64>() * left / numbers;
-            degrees_of_freedom += left;
+            squares[*kind] += full().map(|c| c.sum.norm_squared()).sum::<f64>();
+            expected[*kind] += 2.0 * full().map(|c| c.variance).sum::<f64>() * left / numbers;
+            degrees_of_freedom[*kind] += left;
         }
-        if degrees_of_freedom < 1.0 {
-            return Some(1.0);
-        }
-        let ratio: f64 = squares / expected;
-        let chance = chi_squared_survival(ratio * degrees_of_freedom, degrees_of_freedom.round() as usize);
-        Some(if chance < DESIGN_EFFECT_P { ratio.max(1.0) } else { 1.0 })
+        Some(std::array::from_fn(|k| {
+            let (ratio, dof) = (squares[k] / expected[k], degrees_of_freedom[k]);
+            let chance = chi_squared_survival(ratio * dof, dof.round() as usize);
+            if dof >= 1.0 && ratio > 1.0 && chance < DESIGN_EFFECT_P { ratio } else { 1.0 }
+        }))
     }
 
     /// Sets the weight of each observation to Huber's (1964) for its squared residual. Between two calls the problem is one of
     /// plain least squares (iteratively reweighted), which converges in a few steps.
-    pub fn reweight(&mut self, squared_residuals: &[Vec<f64>]) {
-        for (seen, residuals) in self.seen.iter_mut().zip(squared_residuals) {
+    ///
+    /// `scales` multiplies the residuals of each kind beforehand.
+    pub fn reweight(&mut self, squared_residuals: &[Vec<f64>], scales: [f64; KINDS]) {
+        for ((seen, residuals), &kind) in self.seen.iter_mut().zip(squared_residuals).zip(&self.kinds) {
             // The point follows the observations: a residual is smaller than the error by this much.
             let limit = self.huber * self.huber * (seen.len() as f64 - 1.0) / seen.len() as f64;
             for (s, r) in seen.iter_mut().zip(residuals) {
-                s.robust = if *r > limit { (limit / r).sqrt() } else { 1.0 };
+                let r = r * scales[kind];
+                s.robust = if r > limit { (limit / r).sqrt() } else { 1.0 };
             }
         }
     }
 
-    /// Sum of the squared residuals with the weights in force.
-    pub fn weighted_sum(&self, squared_residuals: &[Vec<f64>]) -> f64 {
-        let of_track = |(seen, residuals): (&Vec<Seen>, &Vec<f64>)| -> f64 {
-            seen.iter().zip(residuals).map(|(s, r)| s.robust * r).sum()
-        };
-        self.seen.iter().zip(squared_residuals).map(of_track).sum()
+    /// Sums of the squared residuals of each kind with the weights in force.
+    pub fn weighted_sums(&self, squared_residuals: &[Vec<f64>]) -> [f64; KINDS] {
+        let mut sums = [0.0; KINDS];
+        for ((seen, residuals), &kind) in self.seen.iter().zip(squared_residuals).zip(&self.kinds) {
+            sums[kind] += seen.iter().zip(residuals).map(|(s, r)| s.robust * r).sum::<f64>();
+        }
+        sums
     }
 }
 
@@ -618,8 +640,8 @@ impl Problem {
             for (o, (s, &v)) in self.seen[t].iter().zip(&c.views).enumerate() {
                 let p = project_with_derivatives(projector, &poses[v], q)?;
                 let r = whitened(s, &(p.pixel - s.pixel));
-                let w = (self.weight * s.robust).sqrt();
-                part.cost += 0.5 * self.weight * s.robust * r.norm_squared();
+                let w = (self.weights[self.kinds[t]] * s.robust).sqrt();
+                part.cost += 0.5 * w * w * r.norm_squared();
                 let [a, b, d] = s.whiten.map(|u| u * w);
                 let (top, bottom) = rows[2 * o * width..(2 * o + 2) * width].split_at_mut(width);
                 for (slot, &at) in c.place[o].iter().enumerate() {
@@ -715,7 +737,7 @@ impl LeastSquares for Problem {
                     for (s, &v) in self.seen[t].iter().zip(&c.views) {
                         let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
                         let r = whitened(s, &(pixel - s.pixel));
-                        cost += 0.5 * self.weight * s.robust * r.norm_squared();
+                        cost += 0.5 * self.weights[self.kinds[t]] * s.robust * r.norm_squared();
                     }
                 }
                 Some(cost)

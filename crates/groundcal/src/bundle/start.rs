@@ -82,6 +82,18 @@ pub fn state_from_links(
     Some(State { camera, groups, views, points: Vec::new() })
 }
 
+/// How far a homography between two views is from one of the floor that both have a known attitude to: the sine of the angle
+/// between the normal it gives the second view and the known one, and by how much it stretches the floor. `None` when it fits no
+/// camera. `m` is K⁻¹ H K, `attitudes` level to camera rotations.
+pub fn floor_deviation(m: &Matrix3<f64>, attitudes: [&Matrix3<f64>; 2]) -> Option<f64> {
+    let [a, b] = attitudes;
+    let floor = m * Matrix3::from_columns(&[a.column(0).into_owned(), a.column(1).into_owned(), -a.column(2)]);
+    let (x, y) = (floor.column(0), floor.column(1));
+    let stretch = (x.norm() / y.norm()).ln().abs() + (x.dot(&y) / (x.norm() * y.norm())).abs();
+    let (rotation, _) = pose_from_floor(&floor)?;
+    Some(rotation.column(2).cross(&b.column(2)).norm() + stretch)
+}
+
 /// Rotation and optical centre from K⁻¹ F.
 fn pose_from_floor(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     let scale = (m.column(0).norm() * m.column(1).norm()).sqrt();

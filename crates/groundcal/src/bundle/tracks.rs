@@ -15,16 +15,30 @@ pub struct Observation {
     pub information: Matrix2<f64>,
 }
 
+/// Kinds of measurement, each with a noise of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// Patches matched by least squares.
+    Patch,
+    /// Features, or points from elsewhere.
+    Point,
+}
+
+/// Number of kinds.
+pub const KINDS: usize = 2;
+
 /// A point and where it is seen: each view once, in ascending order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
+    /// How it was measured.
+    pub kind: Kind,
     /// Two or more.
     pub observations: Vec<Observation>,
 }
 
 /// Joins matches that share a point of an image (the very same coordinates). A match that would put a second point of one
 /// image into a track starts one of its own. The order of the matches decides the order of the tracks.
-pub fn join_matches(matches: &[[Observation; 2]]) -> Vec<Track> {
+pub fn join_matches(kind: Kind, matches: &[[Observation; 2]]) -> Vec<Track> {
     let key = |o: &Observation| (o.view, o.pixel.x.to_bits(), o.pixel.y.to_bits());
     // A track under construction: observations, and how many matches speak for each.
     let mut tracks: Vec<Vec<(Observation, f64)>> = Vec::new();
@@ -73,7 +87,7 @@ pub fn join_matches(matches: &[[Observation; 2]]) -> Vec<Track> {
             t.sort_by_key(|(o, _)| o.view);
             let observations =
                 t.into_iter().map(|(o, count)| Observation { information: o.information / count, ..o }).collect();
-            Track { observations }
+            Track { kind, observations }
         })
         .collect()
 }
@@ -93,7 +107,7 @@ mod tests {
     #[test]
     fn chains_become_one_track_and_contradictions_do_not() {
         // 0-1 and 2-1 share a point of 1; 2-3 continues; 0-3' would put a second point of 3 in.
-        let tracks = join_matches(&[
+        let tracks = join_matches(Kind::Point, &[
             [seen(0, 5.0), seen(1, 6.0)],
             [seen(2, 7.0), seen(3, 8.0)],
             [seen(1, 6.0), seen(2, 7.0)],

@@ -1,6 +1,6 @@
 //! From the linear camera to the joint refinement of everything (see [`crate::bundle`]), and back to what is reported.
 
-use nalgebra::{Matrix2, Matrix3, SMatrix};
+use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2};
 
 use super::{
     Pipeline,
@@ -14,8 +14,8 @@ use crate::{
     attitude::attitude_rotation,
     attitude_groups::{AttitudeGroup, Sides},
     bundle::{
-        Bundle, BundleOptions, CAMERA, CameraVector, Observation, SceneModel, State, Track, ViewEstimate, adjust, disagreement,
-        start::{Link, state_from_links},
+        Bundle, BundleOptions, CAMERA, CameraVector, Kind, Observation, SceneModel, State, Track, ViewEstimate, adjust, disagreement,
+        start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
     camera::{CameraOptions, CameraSolution, PriorUse, parameters_in_frame},
@@ -26,7 +26,7 @@ use crate::{
     homography::{RobustHomography, refine::sampson_squared},
     intrinsics::Intrinsics,
     levenberg_marquardt::StopReason,
-    result::{Refinement, ViewReport},
+    result::{Refinement, ResidualReport, ViewReport},
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
@@ -40,11 +40,24 @@ const VAGUE: f64 = 0.03;
 /// Deviations from its homography within which a match takes part; the weights of the loss do the rest.
 const REACH: f64 = 5.0;
 
+/// Matches that make a tie between views of different attitudes, how far its homography may be from one of the floor (radians and
+/// relative lengths), how many ties a view has at most, and by how much they may raise the variance of the residuals of patches and of points.
+const MIN_TIE_MATCHES: usize = 20;
+const MAX_TIE_DEVIATION: f64 = 0.03;
+const TIES_PER_VIEW: usize = 2;
+const MAX_TIE_VARIANCE: f64 = 1.3;
+const MAX_TIE_POINT_VARIANCE: f64 = 3.0;
+
+/// Variance of the residuals under rotations, in units of the matching noise, that no real lens and distant scene come near.
+const MAX_ROTATION_VARIANCE: f64 = 100.0;
+
 /// A refined calibration with the images its views are.
 pub(super) struct Joint {
     pub(super) bundle: Bundle,
     /// Image of each view.
     pub(super) images: Vec<usize>,
+    /// Pairs that tie views of different attitudes.
+    pub(super) ties: Vec<usize>,
     /// Camera matrix in pixels.
     pub(super) intrinsics: Intrinsics,
     /// Lens.
@@ -70,6 +83,7 @@ impl Joint {
             distortion: Distortion { k1: c[5], k2: c[6], p1, p2 },
             covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
             images,
+            ties: Vec::new(),
             bundle,
         }
     }
@@ -79,6 +93,16 @@ impl Joint {
         self.bundle.covariance.fixed_view::<5, 5>(0, 0).into_owned()
     }
 
+    fn residuals(&self, kind: Kind) -> Option<ResidualReport> {
+        let b = &self.bundle;
+        let observations = b.observations_of[kind as usize];
+        (observations > 0).then(|| ResidualReport {
+            observations,
+            variance_factor: b.variance_factors[kind as usize],
+            design_effect: b.design_effects[kind as usize],
+        })
+    }
+
     pub(super) fn report(&self) -> Refinement {
         let b = &self.bundle;
         let [observations, tracks, _] = b.counts;
@@ -86,8 +110,9 @@ impl Joint {
             observations,
             tracks,
             degrees_of_freedom: b.degrees_of_freedom,
-            variance_factor: b.variance_factor,
-            design_effect: b.design_effect,
+            patches: self.residuals(Kind::Patch),
+            points: self.residuals(Kind::Point),
+            ties: self.ties.len(),
             iterations: b.iterations,
             converged: b.stop == StopReason::Converged,
         }
@@ -195,7 +220,68 @@ impl Pipeline<'_> {
             state_from_links(scene, self.camera_vector(&k, known), &k, &attitudes, &group_of_view, &setup.links)
         };
         let starts = factors.iter().filter_map(start).collect();
-        self.adjusted(scene, setup, images, starts, options).map(Some)
+        let joint = self.adjusted(scene, setup, images.clone(), starts, options)?;
+        if scene == SceneModel::Directions || solution.groups.len() < 2 {
+            return Ok(Some(joint));
+        }
+        // Views of different attitudes that see the same floor, tied by their ordinary matches.
+        let ties = self.ties(pairs, results, &used, &joint);
+        if ties.is_empty() {
+            return Ok(Some(joint));
+        }
+        let all: Vec<usize> = used.iter().chain(&ties).copied().collect();
+        let Some(setup) = self.setup(pairs, results, &all, &images, known) else { return Ok(Some(joint)) };
+        let attitudes: Vec<Matrix3<f64>> = joint.bundle.state.groups.iter().map(|g| g.attitude).collect();
+        let start = state_from_links(
+            scene,
+            joint.bundle.state.camera,
+            &joint.intrinsics,
+            &attitudes,
+            &group_of_view,
+            &setup.links,
+        );
+        let Ok(mut tied) = self.adjusted(scene, setup, images, start.into_iter().collect(), options) else {
+            return Ok(Some(joint));
+        };
+        // What contradicts the motions is no tie.
+        let raised = |kind: Kind| {
+            let [before, after] = [&joint, &tied].map(|j| j.bundle.variance_factors[kind as usize]);
+            after / before
+        };
+        if raised(Kind::Patch) > MAX_TIE_VARIANCE || raised(Kind::Point) > MAX_TIE_POINT_VARIANCE {
+            return Ok(Some(joint));
+        }
+        tied.ties = ties;
+        Ok(Some(tied))
+    }
+
+    /// Pairs of views of different attitudes whose homographies are of the floor that both look at.
+    fn ties(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        used: &[usize],
+        joint: &Joint,
+    ) -> Vec<usize> {
+        let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
+        let view = |image: usize| joint.images.binary_search(&image).ok();
+        let group = |v: usize| joint.bundle.state.views[v].group;
+        let attitude = |v: usize| &joint.bundle.state.groups[group(v)].attitude;
+        let mut found: Vec<(usize, usize)> = (0..pairs.len())
+            .filter(|i| !used.contains(i))
+            .filter_map(|i| {
+                let (a, b) = (view(pairs[i].from)?, view(pairs[i].to)?);
+                let robust = results[i].robust().filter(|r| !r.is_static && r.inliers.len() >= MIN_TIE_MATCHES)?;
+                let m = k_inverse * robust.estimate.h_b_from_a.matrix() * k;
+                let deviation = floor_deviation(&m, [attitude(a), attitude(b)])?;
+                (group(a) != group(b) && deviation < MAX_TIE_DEVIATION).then_some((i, robust.inliers.len()))
+            })
+            .collect();
+            found.sort_by_key(|(i, matches)| (std::cmp::Reverse(*matches), *i));
+        found.truncate(TIES_PER_VIEW * joint.images.len());
+        let mut ties: Vec<usize> = found.into_iter().map(|(i, _)| i).collect();
+        ties.sort_unstable();
+        ties
     }
 
     /// Refines from starts.
@@ -214,6 +300,18 @@ impl Pipeline<'_> {
             });
         }
         let bundle = adjust(scene, &self.frame(), &setup.tracks, starts, options)?;
+        let [patches, points] = bundle.variance_factors;
+        if scene == SceneModel::Directions && patches.max(points) > MAX_ROTATION_VARIANCE {
+            return Err(Error::NoUsableMotion {
+                pairs: setup.links.len(),
+                reason: format!(
+                    "the points lie above and below the horizon, as those far from a camera that turns on the spot do, but rotations \
+                     leave residuals {:.0} times as large as the matching noise: the camera moved, before a scene that is no floor",
+                    patches.max(points).sqrt()
+                ),
+                remedy: "Turn the camera about its optical centre, or about the normal of a floor that it sees".into(),
+            });
+        }
         Ok(Joint::new(bundle, images, options.tangential, &self.frame()))
     }
 
@@ -284,42 +382,41 @@ impl Pipeline<'_> {
         known: &KnownLens,
     ) -> Option<Setup> {
         let view = |image: usize| view_in(images, image);
-        let mut links = Vec::new();
-        let (mut noise_sum, mut noise_weight) = (0.0, 0.0);
-        for &i in used {
-            let robust = results[i].robust()?;
-            links.push(Link {
-                from: view(pairs[i].from),
-                to: view(pairs[i].to),
-                h_to_from: robust.estimate.h_b_from_a,
-                matches: robust.inliers.len(),
-            });
-            let n = robust.inliers.len() as f64;
-            noise_sum += n * robust.estimate.sigma_px.powi(2);
-            noise_weight += n;
-        }
-        if noise_weight == 0.0 {
-            return None;
-        }
-        // Patches carry a deviation of their own in pixels, features a relative one: the same arithmetic serves both, pair by pair.
-        let mut matches: Vec<[Observation; 2]> = Vec::new();
-        for &i in used {
-            let robust = results[i].robust()?;
-            let n = robust.inliers.len() as f64;
-            let common = if robust.patches == results[used[0]].has_patches() { COMMON_NOISE_MATCHES } else { 0.0 };
-            let noise = (n * robust.estimate.sigma_px.powi(2) + common * noise_sum / noise_weight) / (n + common);
-            for k in self.near_plane(&pairs[i], robust, known) {
-                let m = &pairs[i].matches[k];
-                let information =
-                    Matrix2::from_diagonal_element(1.0 / (noise * m.sigma_px * m.sigma_px).max(LEAST_NOISE_PX.powi(2)));
-                matches.push([
-                    Observation { view: view(pairs[i].from), pixel: m.a, information },
-                    Observation { view: view(pairs[i].to), pixel: m.b, information },
-                ]);
+        let robust_of = |i: usize| results[i].robust().map(|robust| (i, robust));
+        let all: Vec<(usize, &RobustHomography)> = used.iter().map(|&i| robust_of(i)).collect::<Option<_>>()?;
+        let link = |(i, robust): &(usize, &RobustHomography)| Link {
+            from: view(pairs[*i].from),
+            to: view(pairs[*i].to),
+            h_to_from: robust.estimate.h_b_from_a,
+            matches: robust.inliers.len(),
+        };
+        let links = all.iter().map(link).collect();
+        let mut tracks = Vec::new();
+        for kind in [Kind::Patch, Kind::Point] {
+            let of_kind: Vec<_> = all.iter().filter(|(_, r)| r.patches == (kind == Kind::Patch)).collect();
+            let count: usize = of_kind.iter().map(|(_, r)| r.inliers.len()).sum();
+            let common =
+                of_kind.iter().map(|(_, r)| r.inliers.len() as f64 * r.estimate.sigma_px.powi(2)).sum::<f64>() / count as f64;
+            let mut matches: Vec<[Observation; 2]> = Vec::new();
+            for (i, robust) in of_kind {
+                // Few matches do not tell their noise: that of all of the kind counts as some more.
+                let n = robust.inliers.len() as f64;
+                let noise =
+                    (n * robust.estimate.sigma_px.powi(2) + COMMON_NOISE_MATCHES * common) / (n + COMMON_NOISE_MATCHES);
+                for k in self.near_plane(&pairs[*i], robust, known) {
+                    let m = &pairs[*i].matches[k];
+                    let variance = (noise * m.sigma_px * m.sigma_px).max(LEAST_NOISE_PX.powi(2));
+                    let observation = |image: usize, pixel: Vector2<f64>| Observation {
+                        view: view(image),
+                        pixel,
+                        information: Matrix2::from_diagonal_element(1.0 / variance),
+                    };
+                    matches.push([observation(pairs[*i].from, m.a), observation(pairs[*i].to, m.b)]);
+                }
             }
+            tracks.extend(join_matches(kind, &matches));
         }
-        let tracks = join_matches(&matches);
-        Some(Setup { links, tracks })
+        (!tracks.is_empty()).then_some(Setup { links, tracks })
     }
 }
 
@@ -347,9 +444,6 @@ impl PairResult {
         self.outcome.as_ref().map_or(&[], |(robust, _)| &robust.inliers)
     }
 
-    fn has_patches(&self) -> bool {
-        self.robust().is_some_and(|r| r.patches)
-    }
 }
 
 impl Pipeline<'_> {

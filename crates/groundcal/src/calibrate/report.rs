@@ -85,6 +85,7 @@ impl Pipeline<'_> {
         if self.options.method == Method::Joint {
             match self.refine_jointly(pairs, results, &chosen, &solution, known, &joint_options) {
                 Ok(refined) => joint = refined,
+                Err(error) if error.is_degenerate() => return Err(error),
                 Err(error) => warnings.push(Warning::NotRefined { reason: error.to_string() }),
             }
         }

@@ -16,7 +16,7 @@ use super::{
 use crate::{
     attitude::attitude_rotation,
     bundle::{
-        SceneModel,
+        Kind, SceneModel,
         start::{rotations_from_links, state_from_links},
     },
     camera::{CameraSolution, check_certainty},
@@ -85,7 +85,7 @@ impl Pipeline<'_> {
         }
         let turning = Turning { used, images, focal_px: best.fx };
         let refined = self.refine_turning(pairs, results, &turning, known).ok()?;
-        (refined.bundle.variance_factor < MAX_VARIANCE).then_some(turning)
+        (refined.bundle.variance_factors[Kind::Point as usize] < MAX_VARIANCE).then_some(turning)
     }
 
     fn refine_turning(
