@@ -3,7 +3,11 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use groundcal::{absolute_conic::Constraint, image::ImageSize, synthetic::study::Study};
+use groundcal::{
+    absolute_conic::Constraint,
+    calibrate::{LensModel, Method},
+    camera::{GivenPrior, PriorParameter},
+    image::ImageSize, synthetic::study::Study};
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
@@ -64,7 +68,16 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub aspect: Option<f64>,
 
-    /// Lens distortion: estimated, or taken to be none (the error bars then do not cover it)
+    /// What is known of a parameter beforehand, as fx, aspect, cx, cy, skew, k1 or k2 = VALUE+-SIGMA in pixels (aspect, k1, k2: no
+    /// unit); takes the place of the prior of `auto`. May be repeated
+    #[arg(long, value_name = "NAME=VALUE+-SIGMA", value_parser = parse_prior)]
+    pub prior: Vec<GivenPrior>,
+
+    /// How the camera is estimated
+    #[arg(long, value_enum, default_value_t = MethodArg::Joint)]
+    pub method: MethodArg,
+
+    /// Lens distortion: what is estimated of it (`none`: the error bars do not cover it)
     #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
     pub distortion: DistortionArg,
 
@@ -80,6 +93,11 @@ pub struct CalibrateArgs {
     /// [default: estimated from three attitudes on, else 0.1; 1.5 for a single motion before a background that stands still]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub attitude_sigma_deg: Option<f64>,
+
+    /// How far the camera's height over the floor strays between the views of an attitude, relative standard deviation (0: constant
+    /// height; 0.3 and more: free) [default: estimated]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub height_sigma: Option<f64>,
 
     /// Image size, for matches.csv and tracks.csv
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -184,13 +202,45 @@ impl StudyArg {
     }
 }
 
-/// What to do about lens distortion.
+/// [`LensModel`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum DistortionArg {
-    /// k1 and k2 are estimated, and kept where they differ from zero
+    /// k1 and k2, with priors 0 +- 0.3: what the images do not tell of them stays at zero, with its error bar
     Auto,
-    /// The lens has none
+    /// Nothing: the lens has none
     None,
+    /// k1
+    K1,
+    /// k1 and k2
+    K1k2,
+}
+
+impl From<DistortionArg> for LensModel {
+    fn from(value: DistortionArg) -> Self {
+        match value {
+            DistortionArg::None => LensModel::None,
+            DistortionArg::K1 => LensModel::K1,
+            DistortionArg::Auto | DistortionArg::K1k2 => LensModel::K1K2,
+        }
+    }
+}
+
+/// [`Method`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum MethodArg {
+    /// Camera, lens, attitudes, views and points refined together
+    Joint,
+    /// The closed form of Knight, Zisserman & Reid (2003) and maximum likelihood of its circular points, each motion by itself
+    Linear,
+}
+
+impl From<MethodArg> for Method {
+    fn from(value: MethodArg) -> Self {
+        match value {
+            MethodArg::Joint => Method::Joint,
+            MethodArg::Linear => Method::Linear,
+        }
+    }
 }
 
 /// [`Constraint`] on the command line.
@@ -228,6 +278,19 @@ fn parse_point(text: &str) -> Result<[f64; 2], String> {
     let (x, y) = text.split_once(',').ok_or("expected X,Y in pixels, for example 639.5,479.5")?;
     let number = |s: &str| s.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     Ok([number(x).ok_or("X is not a number")?, number(y).ok_or("Y is not a number")?])
+}
+
+fn parse_prior(text: &str) -> Result<GivenPrior, String> {
+    let wrong = || format!("expected NAME=VALUE+-SIGMA, for example cx=320+-5, found {text}");
+    let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+    let (mean, sigma) = value.split_once("+-").or_else(|| value.split_once('±')).ok_or_else(wrong)?;
+    let known = PriorParameter::ALL.into_iter().find(|p| p.name() == name.trim());
+    let parameter = known.ok_or_else(|| {
+        let names: Vec<&str> = PriorParameter::ALL.iter().map(|p| p.name()).collect();
+        format!("{name} is none of {}", names.join(", "))
+    })?;
+    let number = |s: &str| s.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
+    Ok(GivenPrior { parameter, mean: number(mean)?, sigma: number(sigma)? })
 }
 
 fn parse_size(text: &str) -> Result<ImageSize, String> {

@@ -15,7 +15,7 @@ use std::{
     process::ExitCode,
 };
 
-use args::{CalibrateArgs, Cli, Command, DistortionArg, SimulateArgs};
+use args::{CalibrateArgs, Cli, Command, SimulateArgs};
 use clap::Parser;
 use error::CliError;
 use groundcal::{
@@ -133,7 +133,10 @@ fn options(args: &CalibrateArgs) -> Options {
         constraint: args.constraint.into(),
         principal_point_px: args.principal_point,
         aspect: args.aspect,
-        estimate_distortion: args.distortion == DistortionArg::Auto,
+        lens: args.distortion.into(),
+        method: args.method.into(),
+        priors: args.prior.clone(),
+        height_sigma: args.height_sigma,
         distortion: Distortion::radial(args.k1.unwrap_or(0.0), args.k2.unwrap_or(0.0)),
         attitude_sigma_deg: args.attitude_sigma_deg,
         seed: args.seed,

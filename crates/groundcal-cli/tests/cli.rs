@@ -446,7 +446,9 @@ fn order_of_the_files_hardly_matters() {
         let [here, there] = [&json, &tripod().json].map(|j| number(j, &format!("/camera/{parameter}")));
         let sigma = number(&tripod().json, &format!("/standard_deviation/{parameter}"));
         println!("{parameter}: {here} in another order, {there}; sd {sigma}");
-        assert!((here - there).abs() < 0.3 * sigma, "{parameter}: {here} in another order, {there} +- {sigma}");
+        // The first image of a pair has the grid of patches: in the other order it is other patches, with noise of their own,
+        // of the same two pictures.
+        assert!((here - there).abs() < sigma, "{parameter}: {here} in another order, {there} +- {sigma}");
     }
 }
 
@@ -532,7 +534,9 @@ fn matches_and_tracks_of_the_same_points_give_the_same_camera() {
         let sigma = number(&matches, &format!("/standard_deviation/{parameter}"));
         println!("{parameter}: {here}, {there} from the rows backwards, truth {truth}, sd {sigma}");
         assert!((here - truth).abs() < 4.0 * sigma, "{parameter}: {here} +- {sigma}, truth {truth}");
-        assert!((here - there).abs() < 0.3 * sigma, "{parameter}: {here} +- {sigma}, {there} from the rows backwards");
+        // The first image of a pair has the grid of patches: in the other order it is other patches, with noise of their own,
+        // of the same two pictures.
+        assert!((here - there).abs() < sigma, "{parameter}: {here} +- {sigma}, {there} from the rows backwards");
     }
 }
 

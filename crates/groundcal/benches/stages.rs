@@ -103,6 +103,7 @@ fn run() {
         .collect();
     for constraint in groundcal::absolute_conic::Constraint::ALL {
         let options = CameraOptions {
+            given: Vec::new(),
             constraint,
             aspect: 1.0,
             aspect_sigma: 0.003,

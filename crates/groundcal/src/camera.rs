@@ -18,8 +18,64 @@ use crate::{
     statistics::{VarianceComponent, chi_squared_survival},
 };
 
+/// A number of the camera that may be given a prior.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PriorParameter {
+    /// Focal length along x, pixels.
+    Fx,
+    /// fy / fx.
+    Aspect,
+    /// Principal point, x, pixels.
+    Cx,
+    /// Principal point, y, pixels.
+    Cy,
+    /// Skew, pixels.
+    Skew,
+    /// Radial distortion, second order.
+    K1,
+    /// Radial distortion, fourth order.
+    K2,
+}
+
+impl PriorParameter {
+    /// All, in the order of [`crate::bundle::CameraVector`].
+    pub const ALL: [PriorParameter; 7] = [
+        PriorParameter::Fx,
+        PriorParameter::Aspect,
+        PriorParameter::Cx,
+        PriorParameter::Cy,
+        PriorParameter::Skew,
+        PriorParameter::K1,
+        PriorParameter::K2,
+    ];
+
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            PriorParameter::Fx => "fx",
+            PriorParameter::Aspect => "aspect",
+            PriorParameter::Cx => "cx",
+            PriorParameter::Cy => "cy",
+            PriorParameter::Skew => "skew",
+            PriorParameter::K1 => "k1",
+            PriorParameter::K2 => "k2",
+        }
+    }
+}
+
+/// A Gaussian prior: mean and standard deviation in pixels (aspect, k1, k2: no unit).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GivenPrior {
+    /// Of what.
+    pub parameter: PriorParameter,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub sigma: f64,
+}
+
 /// What is known of the camera and of the motion beforehand.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct CameraOptions {
     /// What is assumed of the camera matrix.
     pub constraint: Constraint,
@@ -30,6 +86,8 @@ pub struct CameraOptions {
     /// Standard deviation of the prior of each coordinate of the principal point about the frame's origin, in pixels,
     /// `Auto` only.
     pub principal_point_sigma_px: f64,
+    /// Priors that take the place of those of `Auto`, or join the other constraints.
+    pub given: Vec<GivenPrior>,
     /// Standard deviation of each view's attitude about each axis across the floor's normal, in radians.
     pub attitude_sigma_rad: f64,
     /// Whether that is only the scale of a prior, and the motions, where there are enough, tell it (variance component).
@@ -84,17 +142,26 @@ pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 impl CameraOptions {
     /// The priors in frame units.
     pub fn priors(&self, frame: &Frame) -> Priors {
-        if self.constraint != Constraint::Auto {
-            return Priors::NONE;
+        let mut priors = Priors::NONE;
+        if self.constraint == Constraint::Auto {
+            let principal_point = self.principal_point_sigma_px / frame.scale_px;
+            priors.0[1] = Some((self.aspect.ln(), self.aspect_sigma));
+            priors.0[2] = Some((0.0, principal_point));
+            priors.0[3] = Some((0.0, principal_point));
         }
-        let principal_point = self.principal_point_sigma_px / frame.scale_px;
-        Priors([
-            None,
-            Some((self.aspect.ln(), self.aspect_sigma)),
-            Some((0.0, principal_point)),
-            Some((0.0, principal_point)),
-            None,
-        ])
+        for p in &self.given {
+            let scale = frame.scale_px;
+            match p.parameter {
+                PriorParameter::Fx => priors.0[0] = Some(((p.mean / scale).ln(), p.sigma / p.mean)),
+                PriorParameter::Aspect => priors.0[1] = Some((p.mean.ln(), p.sigma / p.mean)),
+                PriorParameter::Cx => priors.0[2] = Some(((p.mean - frame.origin_px.x) / scale, p.sigma / scale)),
+                PriorParameter::Cy => priors.0[3] = Some(((p.mean - frame.origin_px.y) / scale, p.sigma / scale)),
+                PriorParameter::Skew => priors.0[4] = Some((p.mean / scale, p.sigma / scale)),
+                // Of the lens: the joint refinement has them.
+                PriorParameter::K1 | PriorParameter::K2 => {}
+            }
+        }
+        priors
     }
 }
 
@@ -102,17 +169,20 @@ impl CameraOptions {
     /// What the priors were and what the covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units, says they were worth.
     pub fn prior_uses(&self, frame: &Frame, covariance: &SMatrix<f64, 5, 5>) -> Vec<PriorUse> {
         let scale = frame.scale_px;
-        let units = [1.0, self.aspect, scale, scale, scale];
-        let names = ["fx", "aspect", "cx", "cy", "skew"];
         let origins = [0.0, 0.0, frame.origin_px.x, frame.origin_px.y, 0.0];
         let priors = self.priors(frame);
         (0..5)
             .filter_map(|i| {
                 let (mean, sigma) = priors.0[i]?;
+                let (mean, unit) = match i {
+                    0 => (mean.exp() * scale, mean.exp() * scale),
+                    1 => (mean.exp(), mean.exp()),
+                    _ => (mean * scale + origins[i], scale),
+                };
                 Some(PriorUse {
-                    parameter: names[i],
-                    mean: if i == 1 { mean.exp() } else { mean * units[i] + origins[i] },
-                    sigma: sigma * units[i],
+                    parameter: PriorParameter::ALL[i].name(),
+                    mean,
+                    sigma: sigma * unit,
                     posterior_over_prior: covariance[(i, i)].max(0.0).sqrt() / sigma,
                 })
             })

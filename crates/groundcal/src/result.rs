@@ -108,9 +108,9 @@ pub struct Covariance {
 /// A Gaussian prior and how much it counted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Prior {
-    /// Parameter: `aspect` (fy / fx), `cx`, `cy`.
+    /// Parameter: `fx`, `aspect` (fy / fx), `cx`, `cy`, `skew`, `k1`, `k2`.
     pub parameter: &'static str,
-    /// Mean, in pixels (`aspect`: a ratio).
+    /// Mean, in pixels (`aspect`, `k1`, `k2`: no unit).
     pub mean: f64,
     /// Standard deviation, same unit.
     pub sigma: f64,
@@ -219,8 +219,10 @@ pub struct MotionReport {
     pub from: String,
     /// Name of the second image.
     pub to: String,
-    /// Whether it takes part in the camera.
+    /// Whether it takes part in the camera as a motion.
     pub used: bool,
+    /// Whether its matches take part because both images, of different attitudes, see the same floor.
+    pub tie: bool,
     /// Turn of the camera from the first to the second image, counter-clockwise seen from above, in degrees; unsigned for
     /// a motion not used; `None` without a homography.
     pub rotation_deg: Option<f64>,

@@ -4,7 +4,7 @@
 
 use groundcal::{
     absolute_conic::Constraint,
-    calibrate::{Options, Silent, calibrate_matches},
+    calibrate::{LensModel, Options, Silent, calibrate_matches},
     correspondence::{ImagePair, PointMatch},
     image::ImageSize,
     intrinsics::Intrinsics,
@@ -49,7 +49,7 @@ fn scene(constraint: Constraint) -> PointScene {
 
 fn solve(pairs: &[ImagePair], size: ImageSize, constraint: Constraint, principal_point_px: Option<[f64; 2]>) -> Camera {
     let names: Vec<String> = (0..10).map(|i| i.to_string()).collect();
-    let options = Options { constraint, principal_point_px, estimate_distortion: false, ..Options::default() };
+    let options = Options { constraint, principal_point_px, lens: LensModel::None, ..Options::default() };
     let c = calibrate_matches(&names, size, pairs, &options, &Silent).expect("a camera");
     assert!(c.motions.iter().all(|m| m.used), "{constraint:?}: {:?}", c.motions);
     c.camera

@@ -5,7 +5,7 @@
 use groundcal::{
     absolute_conic::Constraint,
     attitude::rotation_cam_from_world,
-    calibrate::{Method, Options, Silent, calibrate_matches},
+    calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
@@ -96,7 +96,7 @@ fn a_full_turn_on_the_spot_closes_and_gives_lens_and_focal_length() {
         let last = c.views.iter().find(|v| v.image == "17").expect("the last view");
         assert!((last.yaw_deg + 20.0).abs() < 0.1, "the turn is closed: {}", last.yaw_deg);
         // Pairs by themselves, the lens ignored.
-        let linear = Options { method: Method::Linear, estimate_distortion: false, ..Options::default() };
+        let linear = Options { method: Method::Linear, lens: LensModel::None, ..Options::default() };
         if let Ok(c) = calibrate_matches(&names(18), size, &pairs, &linear, &Silent) {
             alone.push((c.camera.fx / k.fx - 1.0).abs());
         }

@@ -4,7 +4,7 @@
 
 use groundcal::{
     absolute_conic::Constraint,
-    calibrate::{Options, Silent, calibrate_matches},
+    calibrate::{LensModel, Options, Silent, calibrate_matches},
     correspondence::ImagePair,
     synthetic::{
         bound::{HeightModel, cramer_rao_bound},
@@ -29,7 +29,7 @@ fn rmse_is_near_the_bound_and_the_intervals_hold() {
         attitude_sigma_deg: Some(0.0),
         height_sigma: Some(0.0),
         pairs: Some(vec![(0, 1), (2, 3), (4, 5)]),
-        estimate_distortion: false,
+        lens: LensModel::None,
         ..Options::default()
     };
     let names: Vec<String> = (0..6).map(|i| i.to_string()).collect();

@@ -29,7 +29,11 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     let two =
         |w: &mut String, a: (&str, String), b: (&str, String)| writeln!(w, "{:<16}{:<36}{:<16}{}", a.0, a.1, b.0, b.1);
     let [width, height] = c.camera.image_size;
-    two(w, ("Images:", format!("{images}, {width} x {height} px")), ("Method:", "linear, covariance-weighted".into()))?;
+    let method = match c.method {
+        "joint" => "joint refinement",
+        _ => "linear, covariance-weighted",
+    };
+    two(w, ("Images:", format!("{images}, {width} x {height} px")), ("Method:", method.into()))?;
     two(
         w,
         ("Motions used:", format!("{} of {} pairs", used.len(), c.motions.len())),
@@ -47,6 +51,19 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
             ),
         ),
     )?;
+    if let Some(r) = &c.fit.refinement {
+        let scene = match c.scene {
+            Some("directions") => "far away, the camera turns on the spot".to_string(),
+            _ => format!("floor; {} ties between attitudes", r.ties),
+        };
+        let heights = c.height_sigma.map_or("no part".into(), |s| format!("{:.3} % a view", 100.0 * s));
+        two(w, ("Scene:", scene), ("Height sigma:", heights))?;
+        let residuals = [("patches", &r.patches), ("points", &r.points)].into_iter().filter_map(|(kind, k)| {
+            let k = k.as_ref()?;
+            Some(format!("{} of {kind} ({:.2}, {:.1})", k.observations, k.variance_factor, k.design_effect))
+        });
+        writeln!(w, "{:<16}{}", "Observations:", residuals.collect::<Vec<_>>().join(", "))?;
+    }
     let fit = &c.fit;
     let chi = if fit.degrees_of_freedom == 0 {
         "none left over to check by".to_string()
@@ -84,7 +101,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     }
     writeln!(w, "{single}")?;
     for p in &c.priors {
-        let unit = if p.parameter == "aspect" { "" } else { " px" };
+        let unit = if matches!(p.parameter, "aspect" | "k1" | "k2") { "" } else { " px" };
         writeln!(
             w,
             "prior: {:<8}{:>10.3} +- {:<8.3}{:<4} narrowed by the images to {:.0} % of that width",
@@ -119,6 +136,9 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
             attitude.map_or(f64::NAN, |a| a.roll_deg),
         )?;
     }
+    if verbose && !c.views.is_empty() {
+        views(w, c, &single)?;
+    }
     not_used(w, c, verbose)?;
     writeln!(w, "{double}")?;
     writeln!(
@@ -127,6 +147,20 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
          rho: height of the second view over the floor in units of the first's (1: constant height);\n\
          pitch: optical axis below the horizon; roll: right-hand side down; both in degrees."
     )?;
+    if c.fit.refinement.is_some() {
+        writeln!(
+            w,
+            "Observations: in brackets the variance of the residuals over that under single homographies, and how much\n\
+             more neighbours have in common than independent ones would; both are in the error bars."
+        )?;
+    }
+    if verbose && !c.views.is_empty() {
+        writeln!(
+            w,
+            "Views: +X is the heading of the view named as origin, Z up, its optical centre is at (0, 0, 1); heading\n\
+             anticlockwise seen from above."
+        )?;
+    }
     for warning in &c.warnings {
         writeln!(w, "\nwarning [{}]\n{}", warning.code, wrapped(&warning.message, 2))?;
     }
@@ -150,9 +184,36 @@ fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize) -> String {
     }
 }
 
+/// Where each view is and where it looks.
+fn views(w: &mut String, c: &Calibration, rule: &str) -> std::fmt::Result {
+    writeln!(w, "{rule}")?;
+    let width = c.views.iter().map(|v| v.image.len()).max().unwrap_or(4).clamp(8, 24);
+    writeln!(
+        w,
+        "{:<width$}  {:<width$}{:>18}{:>9}{:>8}{:>17}{:>17}{:>10}",
+        "view", "origin", "heading (deg)", "pitch", "roll", "x", "y", "height"
+    )?;
+    for v in &c.views {
+        let coordinate = |i: usize| with_sigma(v.position.map(|p| p[i]), v.position_sigma.map(|s| s[i]), 4);
+        writeln!(
+            w,
+            "{:<width$}  {:<width$}{:>18}{:>9.2}{:>8.2}{:>17}{:>17}{:>10}",
+            v.image,
+            v.origin,
+            with_sigma(Some(v.yaw_deg), Some(v.yaw_sigma_deg), 3),
+            v.pitch_down_deg,
+            v.roll_deg,
+            coordinate(0),
+            coordinate(1),
+            v.position.map_or("-".into(), |p| format!("{:.4}", p[2])),
+        )?;
+    }
+    writeln!(w, "{rule}")
+}
+
 /// What was left out and why: pairs with a plane one by one (some, or all with `--verbose`), the others by number.
 fn not_used(w: &mut String, c: &Calibration, verbose: bool) -> std::fmt::Result {
-    let left: Vec<&MotionReport> = c.motions.iter().filter(|m| !m.used).collect();
+    let left: Vec<&MotionReport> = c.motions.iter().filter(|m| !m.used && !m.tie).collect();
     if left.is_empty() {
         return Ok(());
     }

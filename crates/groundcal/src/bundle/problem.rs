@@ -2,7 +2,7 @@
 //!
 //! A track's residuals r with their derivatives J by cameras and views and P by its point are multiplied by Qᵀ of P = Q R; the
 //! rows below R do not contain the point any more and make the reduced normal equations (the Schur complement, Triggs et al.
-//! 2000, in its numerically better square-root form), the rows of R give the point back.
+//! 2000, in its numerically better square-root form; of long tracks JᵀJ less the rows of R), the rows of R give the point back.
 
 use std::collections::BTreeMap;
 
@@ -69,6 +69,8 @@ struct Cluster {
     columns: Vec<usize>,
     /// For each observation and slot its place in `columns`.
     place: Vec<[usize; SLOTS]>,
+    /// The places of each observation, ascending.
+    occupied: Vec<Vec<usize>>,
 }
 
 /// An observation, ready for use.
@@ -127,6 +129,9 @@ struct Cell {
     variance: f64,
     count: usize,
 }
+
+/// Observations of a track from which on its elimination is a subtraction.
+const LONG_TRACK: usize = 5;
 
 /// Tracks of a cluster that are worked on at once.
 const CHUNK: usize = 64;
@@ -545,11 +550,17 @@ fn cluster(i: &Ingredients<'_>, layout: &Layout, origins: &[usize]) -> Vec<Clust
                 .collect::<std::collections::BTreeSet<_>>()
                 .into_iter()
                 .collect();
-            let place = slots
+            let place: Vec<[usize; SLOTS]> = slots
                 .iter()
                 .map(|s| s.map(|c| if c == HELD { HELD } else { columns.partition_point(|d| *d < c) }))
                 .collect();
-            Cluster { views, tracks, columns, place }
+            let sorted = |s: &[usize; SLOTS]| {
+                let mut places: Vec<usize> = s.iter().copied().filter(|p| *p != HELD).collect();
+                places.sort_unstable();
+                places
+            };
+            let occupied = place.iter().map(sorted).collect();
+            Cluster { views, tracks, columns, place, occupied }
         })
         .collect()
 }
@@ -575,6 +586,33 @@ struct Part {
     eliminations: Vec<Elimination>,
     /// Two rows of Qᵀ J a track, one after the other.
     rows: Vec<f64>,
+}
+
+impl Part {
+    /// Adds (or takes away) the outer product of a row of J and its product with the residual.
+    fn add(&mut self, j: &[f64], r: f64, sign: f64) {
+        let mut at = 0;
+        for (i, &value) in j.iter().enumerate() {
+            let value = sign * value;
+            self.gradient[i] += value * r;
+            for (sum, other) in self.information[at..=at + i].iter_mut().zip(j) {
+                *sum += value * other;
+            }
+            at += i + 1;
+        }
+    }
+
+    /// The same for a row that has entries at `occupied` only, ascending.
+    fn add_sparse(&mut self, j: &[f64], occupied: &[usize], r: f64) {
+        for (k, &row) in occupied.iter().enumerate() {
+            let value = j[row];
+            self.gradient[row] += value * r;
+            let start = row * (row + 1) / 2;
+            for &column in &occupied[..=k] {
+                self.information[start + column] += value * j[column];
+            }
+        }
+    }
 }
 
 /// The problem linearised, points eliminated.
@@ -658,21 +696,28 @@ impl Problem {
                 }
                 (top[n + 2], bottom[n + 2]) = (r.x * w, r.y * w);
             }
+            // Of a long track each row has few entries before the elimination and many after: there the two rows of R are taken
+            // from the sum of all, elsewhere the rows that are left are summed.
+            let long = m > LONG_TRACK;
+            if long {
+                for (o, pair) in rows.chunks_exact(2 * width).enumerate() {
+                    for row in pair.chunks_exact(width) {
+                        part.add_sparse(row, &c.occupied[o], row[n + 2]);
+                    }
+                }
+            }
             let e = eliminate(&mut rows, width, n, &mut scratch)?;
             part.by_points += 0.5 * (e[3] * e[3] + e[4] * e[4]);
             part.eliminations.push(Elimination { track: t, r: [e[0], e[1], e[2]], right: [e[3], e[4]] });
             part.rows.extend_from_slice(&rows[..n]);
             part.rows.extend_from_slice(&rows[width..width + n]);
-            for row in rows.chunks_exact(width).skip(2) {
-                let (j, r) = (&row[..n], row[n + 2]);
-                let mut at = 0;
-                for (i, &value) in j.iter().enumerate() {
-                    part.gradient[i] += value * r;
-                    let target = &mut part.information[at..=at + i];
-                    for (sum, other) in target.iter_mut().zip(j) {
-                        *sum += value * other;
-                    }
-                    at += i + 1;
+            if long {
+                for row in rows.chunks_exact(width).take(2) {
+                    part.add(&row[..n], row[n + 2], -1.0);
+                }
+            } else {
+                for row in rows.chunks_exact(width).skip(2) {
+                    part.add(&row[..n], row[n + 2], 1.0);
                 }
             }
         }

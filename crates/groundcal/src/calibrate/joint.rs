@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2};
 
 use super::{
-    Pipeline,
+    LensModel, Pipeline,
     linear::Chosen,
     pairs::PairResult,
     report::{Attitude, KnownLens},
@@ -18,7 +18,7 @@ use crate::{
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
-    camera::{CameraOptions, CameraSolution, PriorUse, parameters_in_frame},
+    camera::{CameraOptions, CameraSolution, PriorParameter, PriorUse, parameters_in_frame},
     correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
@@ -133,18 +133,24 @@ impl Joint {
     /// The linear solution with the refined numbers in their places.
     pub(super) fn solution(&self, linear: CameraSolution, options: &BundleOptions) -> CameraSolution {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
-        let priors = linear
-            .priors
-            .into_iter()
-            .map(|p| {
-                let index = ["fx", "aspect", "cx", "cy", "skew"].iter().position(|n| *n == p.parameter);
-                let ratio = index.and_then(|i| Some(self.bundle.covariance[(i, i)].max(0.0).sqrt() / options.priors[i]?.1));
-                PriorUse { posterior_over_prior: ratio.unwrap_or(p.posterior_over_prior), ..p }
-            })
-            .collect();
+        let ratio = |i: usize, sigma: f64| self.bundle.covariance[(i, i)].max(0.0).sqrt() / sigma;
+        let of_camera = linear.priors.into_iter().map(|p| {
+            let index = PriorParameter::ALL.iter().position(|n| n.name() == p.parameter);
+            let known = index.and_then(|i| Some(ratio(i, options.priors[i]?.1)));
+            PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), ..p }
+        });
+        let of_lens = (5..CAMERA).filter_map(|i| {
+            let (mean, sigma) = options.priors[i]?;
+            let parameter = PriorParameter::ALL[i].name();
+            Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma) })
+        });
+        let priors = of_camera.chain(of_lens).collect();
+        let mut estimated = linear.estimated;
+        estimated[4] = options.free[4];
         CameraSolution {
             intrinsics: self.intrinsics,
             covariance_px: self.covariance_px.fixed_view::<5, 5>(0, 0).into_owned(),
+            estimated,
             priors,
             chi_squared,
             degrees_of_freedom,
@@ -168,10 +174,20 @@ impl Pipeline<'_> {
         let estimate_lens = matches!(known, KnownLens::Estimated(_));
         let k = self.options.constraint.free();
         let priors = camera.priors(frame).0;
-        let lens_prior = |sigma: f64| estimate_lens.then_some((0.0, sigma));
+        let given = |parameter| self.options.given_prior(parameter);
+        let (k1, k2) = (estimate_lens, estimate_lens && self.options.lens == LensModel::K1K2);
+        let lens_prior = |free: bool, parameter, sigma: f64| free.then(|| given(parameter).unwrap_or((0.0, sigma)));
         BundleOptions {
-            free: [k[0], k[1], k[2], k[3], k[4], estimate_lens, estimate_lens],
-            priors: [priors[0], priors[1], priors[2], priors[3], priors[4], lens_prior(K1_SIGMA), lens_prior(K2_SIGMA)],
+            free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some(), k1, k2],
+            priors: [
+                priors[0],
+                priors[1],
+                priors[2],
+                priors[3],
+                priors[4],
+                lens_prior(k1, PriorParameter::K1, K1_SIGMA),
+                lens_prior(k2, PriorParameter::K2, K2_SIGMA),
+            ],
             tangential: match known {
                 KnownLens::Given(lens) => [lens.distortion.p1, lens.distortion.p2],
                 _ => [0.0; 2],
@@ -326,7 +342,8 @@ impl Pipeline<'_> {
         };
         let mut camera = CameraVector::zeros();
         camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(k, &self.frame()));
-        (camera[5], camera[6]) = (lens.k1, lens.k2);
+        let held = matches!(known, KnownLens::Estimated(_)) && self.options.lens == LensModel::K1;
+        (camera[5], camera[6]) = (lens.k1, if held { 0.0 } else { lens.k2 });
         camera
     }
 

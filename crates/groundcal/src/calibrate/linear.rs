@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::{Method, Pipeline, joint::images_of, pairs::PairResult, report::KnownLens, turning::Turning};
+use super::{LensModel, Method, Pipeline, joint::images_of, pairs::PairResult, report::KnownLens, turning::Turning};
 use crate::{
     attitude_groups::{Motion, Sides},
     camera::{CameraOptions, CameraSolution, solve_camera},
@@ -95,7 +95,7 @@ impl Pipeline<'_> {
         }
         let trusted = self.options.pairs.is_some();
         if self.options.distortion.is_none() {
-            if self.options.estimate_distortion {
+            if self.options.lens != LensModel::None {
                 return self.run_unknown_lens(pairs, trusted, warnings);
             }
             let results = self.homographies(&pairs, None);

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::{
     absolute_conic::Constraint,
     attitude_groups::{Motion, Sides},
-    camera::{CameraOptions, CameraSolution, solve_camera},
+    camera::{CameraOptions, CameraSolution, GivenPrior, PriorParameter, solve_camera},
     circular_points::{CircularPoint, MotionGeometry},
     correspondence::ImagePair,
     distortion::Distortion,
@@ -40,6 +40,18 @@ pub enum Method {
     Joint,
 }
 
+/// What is estimated of a lens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LensModel {
+    /// Nothing: the lens is taken to have no distortion, and the error bars do not cover it.
+    None,
+    /// k1.
+    K1,
+    /// k1 and k2, each with a prior about zero: what the images do not tell stays there, with its error bar.
+    #[default]
+    K1K2,
+}
+
 /// What a calibration may be told. Everything has a default.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -53,9 +65,11 @@ pub struct Options {
     pub aspect: Option<f64>,
     /// A known lens distortion; it is undone before anything else.
     pub distortion: Distortion,
-    /// Whether an unknown lens distortion (k1, k2) is estimated where none is given. Otherwise the lens is taken to have
-    /// none, and the error bars do not cover it.
-    pub estimate_distortion: bool,
+    /// What is estimated of a lens distortion where none is given.
+    pub lens: LensModel,
+    /// Priors that take the place of those of `auto`, or join the other constraints (joint refinement; the linear method knows
+    /// those of the camera matrix).
+    pub priors: Vec<GivenPrior>,
     /// Standard deviation of each view's attitude about each axis across the floor's normal, in degrees: robots pitch and
     /// floors are not flat. 0: exactly plane-normal, as in the paper. `None`: estimated where three attitudes or more allow
     /// it, else 0.1, or 1.5 for a single motion before a background that stands still (a thing moved before a fixed camera,
@@ -92,7 +106,8 @@ impl Default for Options {
             principal_point_px: None,
             aspect: None,
             distortion: Distortion::default(),
-            estimate_distortion: true,
+            lens: LensModel::default(),
+            priors: Vec::new(),
             attitude_sigma_deg: None,
             height_sigma: None,
             pairs: None,
@@ -150,10 +165,49 @@ impl Options {
         if ![d.k1, d.k2, d.p1, d.p2].iter().all(|v| v.is_finite() && v.abs() <= 10.0) {
             return fail(format!("distortion k1 {}, k2 {} must be finite and at most 10 in size", d.k1, d.k2));
         }
+        for p in &self.priors {
+            let name = p.parameter.name();
+            let positive = matches!(p.parameter, PriorParameter::Fx | PriorParameter::Aspect);
+            if !(p.mean.is_finite() && p.sigma.is_finite() && p.sigma > 0.0 && (!positive || p.mean > 0.0)) {
+                return fail(format!(
+                    "prior {name} = {} +- {}: both must be finite, the deviation (and a focal length or ratio) positive",
+                    p.mean, p.sigma
+                ));
+            }
+            if self.priors.iter().filter(|q| q.parameter == p.parameter).count() > 1 {
+                return fail(format!("two priors of {name}"));
+            }
+            if !self.is_estimated(p.parameter) {
+                return fail(format!(
+                    "a prior of {name}, which `{}`, the given distortion or the lens model holds: leave one of the two out",
+                    self.constraint.name()
+                ));
+            }
+        }
         if !(self.robust.max_sigma_px.is_finite() && self.robust.max_sigma_px > 0.0) {
             return fail(format!("largest noise {} px must be positive", self.robust.max_sigma_px));
         }
         Ok(())
+    }
+
+    /// Whether a number of the camera is estimated at all.
+    fn is_estimated(&self, parameter: PriorParameter) -> bool {
+        let free = self.constraint.free();
+        let lens_unknown = self.distortion.is_none();
+        match parameter {
+            PriorParameter::Fx => free[0],
+            PriorParameter::Aspect => free[1],
+            PriorParameter::Cx => free[2],
+            PriorParameter::Cy => free[3],
+            // `auto` holds the skew at zero unless it is told otherwise.
+            PriorParameter::Skew => free[4] || self.constraint == Constraint::Auto,
+            PriorParameter::K1 => lens_unknown && self.lens != LensModel::None,
+            PriorParameter::K2 => lens_unknown && self.lens == LensModel::K1K2,
+        }
+    }
+
+    fn given_prior(&self, parameter: PriorParameter) -> Option<(f64, f64)> {
+        self.priors.iter().find(|p| p.parameter == parameter).map(|p| (p.mean, p.sigma))
     }
 
     fn camera(&self, size: ImageSize) -> CameraOptions {
@@ -164,6 +218,7 @@ impl Options {
             aspect: self.aspect.unwrap_or(1.0),
             aspect_sigma: if self.aspect.is_some() { GIVEN_ASPECT_SIGMA } else { ASPECT_SIGMA },
             principal_point_sigma_px: fraction * size.width as f64,
+            given: self.priors.clone(),
             attitude_sigma_rad: self.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG).to_radians(),
             estimate_attitude_sigma: self.attitude_sigma_deg.is_none(),
         }

@@ -28,6 +28,10 @@ use crate::{
 /// Standard deviation of fx, in percent, from which on its interval is only roughly one.
 const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
 
+/// Parameters whose priors, when they decide, are worth a warning: a good camera's aspect ratio and a lens without distortion are
+/// no news.
+const MATTERS: [&str; 4] = ["fx", "cx", "cy", "skew"];
+
 /// What is known of the lens.
 pub(super) enum KnownLens {
     /// Taken to have no distortion.
@@ -126,11 +130,11 @@ impl Pipeline<'_> {
         mut warnings: Vec<Warning>,
         known: &KnownLens,
     ) -> Calibration {
-        let Concluded { solution, joint, lens_share, chosen, used } = concluded;
-        let lens = LensResult::new(known, joint.as_ref(), &solution);
+        let Concluded { solution, joint, lens_share, used, .. } = &concluded;
+        let lens = LensResult::new(known, joint.as_ref(), solution);
         let percent = 100.0 * lens_share * solution.covariance_px[(0, 0)].sqrt() / solution.intrinsics.fx;
         if let Some(k1_sigma) = lens.k1_sigma
-            && lens_share > 0.8
+            && *lens_share > 0.8
             && percent > 1.0
         {
             warnings.push(Warning::DistortionUncertain { percent, k1_sigma });
@@ -144,7 +148,7 @@ impl Pipeline<'_> {
                 });
             }
         }
-        let attitudes: Vec<Attitude> = match &joint {
+        let attitudes: Vec<Attitude> = match joint {
             // Without plane-normal motions there is no floor to have an attitude to.
             Some(_) if solution.groups.is_empty() => Vec::new(),
             Some(joint) => joint.bundle.groups.iter().map(|g| Attitude::from_up(g.up, &solution.intrinsics)).collect(),
@@ -157,8 +161,8 @@ impl Pipeline<'_> {
                 solution.groups.iter().map(of).collect()
             }
         };
-        self.add_warnings(&mut warnings, &solution, &attitudes, used.len());
-        let motion_reports = self.motion_reports(pairs, results, &chosen, &used, &solution, &attitudes);
+        self.add_warnings(&mut warnings, solution, &attitudes, used.len());
+        let motion_reports = self.motion_reports(pairs, results, &concluded, &attitudes);
         let reports = solution
             .groups
             .iter()
@@ -178,7 +182,7 @@ impl Pipeline<'_> {
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        self.assemble(&solution, joint.as_ref(), &lens, reports, motion_reports, &warnings)
+        self.assemble(solution, joint.as_ref(), &lens, reports, motion_reports, &warnings)
     }
 
     fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
@@ -207,7 +211,7 @@ impl Pipeline<'_> {
                 widened: s.variance_inflation.sqrt(),
             });
         }
-        for prior in s.priors.iter().filter(|p| p.parameter != "aspect" && p.posterior_over_prior > 0.7) {
+        for prior in s.priors.iter().filter(|p| MATTERS.contains(&p.parameter) && p.posterior_over_prior > 0.7) {
             warnings.push(Warning::PriorDecides {
                 parameter: prior.parameter,
                 posterior_over_prior: prior.posterior_over_prior,
@@ -223,11 +227,11 @@ impl Pipeline<'_> {
         &self,
         pairs: &[ImagePair],
         results: &[PairResult],
-        chosen: &Chosen,
-        used: &[usize],
-        solution: &CameraSolution,
+        concluded: &Concluded,
         attitudes: &[Attitude],
     ) -> Vec<MotionReport> {
+        let Concluded { solution, joint, chosen, used, .. } = concluded;
+        let ties = joint.as_ref().map_or(&[][..], |j| &j.ties);
         let motions = &chosen.motions;
         let name = |i: usize| self.names[i].clone();
         pairs
@@ -279,6 +283,7 @@ impl Pipeline<'_> {
                     from: name(pair.from),
                     to: name(pair.to),
                     used: position.is_some(),
+                    tie: ties.contains(&i),
                     rotation_deg: rotation.or(refused_rotation),
                     rotation_sigma_deg: geometry.map(|g| g.rotation_sigma_rad.to_degrees()),
                     rho: geometry.map(|g| g.rho),

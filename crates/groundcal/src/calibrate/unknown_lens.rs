@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix4, SMatrix, SVector};
 
-use super::{Pipeline, linear::{Chosen, Scenario}, pairs::PairResult, report::KnownLens};
+use super::{LensModel, Pipeline, linear::{Chosen, Scenario}, pairs::PairResult, report::KnownLens};
 use crate::{
     camera::{CameraOptions, CameraSolution, solve_camera},
     correspondence::{ImagePair, PointMatch},
@@ -205,7 +205,8 @@ impl Pipeline<'_> {
         let start = self.reference_lens(centre_px, before);
         let prior = LensPrior {
             k1_sigma: K1_SIGMA,
-            k2_sigma: K2_SIGMA,
+            // Held at zero, but for rounding.
+            k2_sigma: if self.options.lens == LensModel::K1 { 1e-6 } else { K2_SIGMA },
             centre_sigma: centre_sigma * self.size.width as f64 / start.intrinsics.fx,
         };
         estimate_lens(&slices, &self.frame(), &start, &prior).map(LensFinding::new)

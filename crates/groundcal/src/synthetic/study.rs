@@ -13,7 +13,7 @@ use rand_pcg::Pcg64Mcg;
 use crate::{
     absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
     attitude::{angles_from_rotation, rotation_cam_from_world},
-    calibrate::{Options, Silent, calibrate_matches},
+    calibrate::{LensModel, Options, Silent, calibrate_matches},
     correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
@@ -353,7 +353,7 @@ fn groundcal(pairs: &[SyntheticPair], condition: &Condition, seed: u64) -> Resul
         constraint: Constraint::ZeroSkew,
         attitude_sigma_deg: condition.axis_known.then_some(0.0),
         pairs: Some((0..pairs.len()).map(|i| (2 * i, 2 * i + 1)).collect()),
-        estimate_distortion: false,
+        lens: LensModel::None,
         seed,
         ..Options::default()
     };
