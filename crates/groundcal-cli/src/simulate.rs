@@ -284,6 +284,7 @@ fn summary(w: &mut String, study: Study, rows: &[Row], trials: u32) -> std::fmt:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plot::{Anchor, Item, letters};
 
     #[test]
     fn numbers_have_six_digits() {
@@ -313,5 +314,37 @@ mod tests {
             ("cramer_rao_bound", zero),
         ];
         assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn texts_fit_with_the_letters_there_are() {
+        // As SVG they are drawn in the viewer's face, which may be wider.
+        const WIDER: f64 = 1.1;
+        for study in Study::ALL {
+            let row = |condition| Row { condition, fewest_matches: 0, summaries: vec![summarise_bound(&[]); 9] };
+            let rows: Vec<Row> = study.conditions().into_iter().map(row).collect();
+            let canvas = figure(study, &rows, 100_000).layout();
+            let mut placed: Vec<([f64; 2], f64, String)> = Vec::new();
+            for item in canvas.items {
+                let Item::Text { at, text, size, anchor, upwards, .. } = item else { continue };
+                assert!(text.chars().all(|c| letters::letter(c).is_some()), "{text}");
+                let length = letters::write(&text).1 * size / letters::EM * WIDER;
+                let middle = if upwards { at[1] } else { at[0] };
+                let start = match anchor {
+                    Anchor::Start => middle,
+                    Anchor::Middle => middle - 0.5 * length,
+                    Anchor::End => middle - length,
+                };
+                assert!(start >= 0.0 && start + length <= if upwards { canvas.height } else { canvas.width }, "{text}");
+                if !upwards {
+                    for ([low, high], y, other) in &placed {
+                        let apart = (y - at[1]).abs() >= size || start > *high || start + length < *low;
+                        assert!(apart, "{text}, {other}");
+                    }
+                    placed.push(([start, start + length], at[1], text));
+                }
+            }
+            assert!(placed.len() > 20);
+        }
     }
 }

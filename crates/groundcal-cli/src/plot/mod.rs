@@ -1,5 +1,6 @@
 //! Line plots in panels: a figure is laid out into a list of lines, areas and texts, which [`svg`] and [`png`] draw alike.
 
+pub mod letters;
 pub mod png;
 pub mod svg;
 
@@ -220,8 +221,11 @@ impl Figure {
                 for curve in &panel.curves {
                     draw_band(&mut items, &place, &x, &y, curve);
                 }
-                for (index, curve) in panel.curves.iter().enumerate() {
+                for curve in &panel.curves {
                     draw_curve(&mut items, &place, &x, &y, curve);
+                }
+                // Last, so that no curve hides them.
+                for (index, curve) in panel.curves.iter().enumerate() {
                     let earlier = &panel.curves[..index];
                     for p in curve.points.iter().filter(|p| p[1] == f64::INFINITY) {
                         // One below the other where several curves have none.
@@ -335,8 +339,13 @@ fn draw_curve(items: &mut Vec<Item>, place: &Place, x: &Axis, y: &Axis, curve: &
 fn cross(items: &mut Vec<Item>, place: &Place, x: &Axis, value: f64, above: usize, color: Color) {
     let [px, py] = place.at(x.position(value), 1.0);
     let py = py + 8.0 + 11.0 * above as f64;
-    for s in [-4.0, 4.0] {
-        items.push(Item::Line { points: vec![[px - 4.0, py - s], [px + 4.0, py + s]], color, width: 2.0, dash: &[] });
+    let stroke = |s: f64, color, width| {
+        let points = vec![[px - 4.0, py - s], [px + 4.0, py + s]];
+        Item::Line { points, color, width, dash: &[] }
+    };
+    // On a pale rim it is told from the curves behind it.
+    for (color, width) in [([255; 3], 5.0), (color, 2.0)] {
+        items.extend([-4.0, 4.0].map(|s| stroke(s, color, width)));
     }
 }
 

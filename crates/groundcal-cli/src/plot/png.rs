@@ -1,4 +1,4 @@
-//! A canvas as PNG, in the font that comes with the program: the same picture on every machine.
+//! A canvas as PNG, with the letters of the program: the same picture on every machine.
 
 use image::{
     ExtendedColorType, ImageEncoder,
@@ -7,12 +7,8 @@ use image::{
 use tiny_skia::{
     Color as SkiaColor, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Stroke, StrokeDash, Transform,
 };
-use ttf_parser::{Face, OutlineBuilder};
 
-use super::{Anchor, Canvas, Color, Item};
-
-/// Noto Sans Regular, the letters a figure needs (SIL Open Font License, see the file beside it).
-const FONT: &[u8] = include_bytes!("../../assets/NotoSans-subset.ttf");
+use super::{Anchor, Canvas, Color, Item, letters};
 
 /// The file, `scale` pixels for one of the canvas.
 ///
@@ -22,7 +18,12 @@ pub fn encode(canvas: &Canvas, scale: f64) -> Result<Vec<u8>, String> {
     let (width, height) = ((canvas.width * scale).ceil() as u32, (canvas.height * scale).ceil() as u32);
     let mut pixmap = Pixmap::new(width, height).ok_or_else(|| format!("no picture of {width} x {height} pixels"))?;
     pixmap.fill(SkiaColor::WHITE);
-    let face = Face::parse(FONT, 0).map_err(|e| format!("the built-in font cannot be read: {e}"))?;
+    let pen = Stroke {
+        width: letters::PEN as f32,
+        line_cap: LineCap::Round,
+        line_join: LineJoin::Round,
+        ..Stroke::default()
+    };
     let whole = Transform::from_scale(scale as f32, scale as f32);
     for item in &canvas.items {
         match item {
@@ -44,8 +45,8 @@ pub fn encode(canvas: &Canvas, scale: f64) -> Result<Vec<u8>, String> {
                 }
             }
             Item::Text { at, text, size, anchor, color, upwards } => {
-                let size = size / f64::from(face.units_per_em());
-                let (outline, length) = outline(&face, text);
+                let size = size / letters::EM;
+                let (lines, length) = letters::write(text);
                 let start = match anchor {
                     Anchor::Start => 0.0,
                     Anchor::Middle => -0.5 * length,
@@ -57,8 +58,8 @@ pub fn encode(canvas: &Canvas, scale: f64) -> Result<Vec<u8>, String> {
                     .pre_concat(turn)
                     .pre_scale(size as f32, size as f32)
                     .pre_translate(start as f32, 0.0);
-                if let Some(path) = outline {
-                    pixmap.fill_path(&path, &paint(color, 1.0), FillRule::Winding, place, None);
+                if let Some(path) = lines {
+                    pixmap.stroke_path(&path, &paint(color, 1.0), &pen, place, None);
                 }
             }
         }
@@ -95,56 +96,9 @@ fn path(points: &[[f64; 2]], closed: bool) -> Option<Path> {
     builder.finish()
 }
 
-/// Letters one after the other on the base line, and their length; font units, y down.
-fn outline(face: &Face<'_>, text: &str) -> (Option<Path>, f64) {
-    let mut pen = Pen { builder: PathBuilder::new(), x: 0.0 };
-    for letter in text.chars() {
-        let Some(glyph) = face.glyph_index(letter) else { continue };
-        face.outline_glyph(glyph, &mut pen);
-        pen.x += f32::from(face.glyph_hor_advance(glyph).unwrap_or(0));
-    }
-    (pen.builder.finish(), f64::from(pen.x))
-}
-
-struct Pen {
-    builder: PathBuilder,
-    x: f32,
-}
-
-impl OutlineBuilder for Pen {
-    fn move_to(&mut self, x: f32, y: f32) {
-        self.builder.move_to(self.x + x, -y);
-    }
-
-    fn line_to(&mut self, x: f32, y: f32) {
-        self.builder.line_to(self.x + x, -y);
-    }
-
-    fn quad_to(&mut self, x1: f32, y1: f32, x: f32, y: f32) {
-        self.builder.quad_to(self.x + x1, -y1, self.x + x, -y);
-    }
-
-    fn curve_to(&mut self, x1: f32, y1: f32, x2: f32, y2: f32, x: f32, y: f32) {
-        self.builder.cubic_to(self.x + x1, -y1, self.x + x2, -y2, self.x + x, -y);
-    }
-
-    fn close(&mut self) {
-        self.builder.close();
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_font_has_the_letters_of_the_figures() {
-        let face = Face::parse(FONT, 0).unwrap();
-        let missing: String =
-            "0123456789.,%|()-:abcxyzABCXYZ é°±".chars().filter(|c| face.glyph_index(*c).is_none()).collect();
-        assert_eq!(missing, "");
-        assert!(outline(&face, "Cramér-Rao").1 > outline(&face, "Cram").1);
-    }
 
     #[test]
     fn a_canvas_becomes_a_picture_of_its_size() {

@@ -345,13 +345,15 @@ fn linear_circular_point(matches: &[PointMatch], frame: &Frame) -> Option<Comple
 }
 
 /// The front door: camera and standard deviations of (fx, fy, cx, cy). It is told which pairs are motions, that the lens has
-/// no distortion, how coarse the matches may be and, where it is so, that the axes are exact.
+/// no distortion, how coarse the matches may be, that the camera keeps its height and, where it is so, that the axes are exact.
 fn groundcal(pairs: &[SyntheticPair], condition: &Condition, seed: u64) -> Result<(Intrinsics, [f64; 4]), Error> {
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
     let matches: Vec<ImagePair> = pairs.iter().map(|p| p.pair.clone()).collect();
     let mut options = Options {
         constraint: Constraint::ZeroSkew,
         attitude_sigma_deg: condition.axis_known.then_some(0.0),
+        // Told so, the refinement of matches without noise takes what rounding leaves for correlated noise and refuses.
+        height_sigma: (condition.noise_px > 0.0).then_some(0.0),
         pairs: Some((0..pairs.len()).map(|i| (2 * i, 2 * i + 1)).collect()),
         lens: LensModel::None,
         seed,
