@@ -352,8 +352,8 @@ fn groundcal(pairs: &[SyntheticPair], condition: &Condition, seed: u64) -> Resul
     let mut options = Options {
         constraint: Constraint::ZeroSkew,
         attitude_sigma_deg: condition.axis_known.then_some(0.0),
-        // Told so, the refinement of matches without noise takes what rounding leaves for correlated noise and refuses.
-        height_sigma: (condition.noise_px > 0.0).then_some(0.0),
+        // An axis off the normal lifts the camera too.
+        height_sigma: condition.axis_known.then_some(0.0),
         pairs: Some((0..pairs.len()).map(|i| (2 * i, 2 * i + 1)).collect()),
         lens: LensModel::None,
         seed,
