@@ -190,8 +190,8 @@ pub struct AttitudeReport {
 pub struct ViewReport {
     /// Name of the image.
     pub image: String,
-    /// Index of its attitude.
-    pub attitude: usize,
+    /// Index of its attitude; `None` where there is no floor.
+    pub attitude: Option<usize>,
     /// Name of the image that is the origin of its world.
     pub origin: String,
     /// Heading, anticlockwise seen from above, in degrees.

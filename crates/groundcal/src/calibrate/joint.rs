@@ -14,7 +14,7 @@ use crate::{
     attitude::attitude_rotation,
     attitude_groups::{AttitudeGroup, Sides},
     bundle::{
-        Bundle, BundleOptions, CAMERA, CameraVector, Kind, Observation, SceneModel, State, Track, ViewEstimate, adjust, disagreement,
+        Bundle, BundleOptions, CAMERA, CameraVector, GroupEstimate, Kind, Observation, SceneModel, State, Track, ViewEstimate, adjust, disagreement,
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
@@ -56,6 +56,8 @@ pub(super) struct Joint {
     pub(super) bundle: Bundle,
     /// Image of each view.
     pub(super) images: Vec<usize>,
+    /// The attitude of the solution that each group has.
+    pub(super) attitude_of_group: Vec<usize>,
     /// Pairs that tie views of different attitudes.
     pub(super) ties: Vec<usize>,
     /// Camera matrix in pixels.
@@ -84,8 +86,15 @@ impl Joint {
             covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
             images,
             ties: Vec::new(),
+            attitude_of_group: Vec::new(),
             bundle,
         }
+    }
+
+    /// The best known of the groups that have an attitude of the solution.
+    pub(super) fn group_with(&self, attitude: usize) -> Option<&GroupEstimate> {
+        let members = self.attitude_of_group.iter().zip(&self.bundle.groups).filter(|(a, _)| **a == attitude);
+        members.map(|(_, g)| g).min_by(|a, b| a.covariance.trace().total_cmp(&b.covariance.trace()))
     }
 
     /// Covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units.
@@ -215,14 +224,7 @@ impl Pipeline<'_> {
     ) -> Result<Option<Joint>, Error> {
         let used = chosen.used();
         let images = images_of(&used, pairs);
-        let mut group_of_view = vec![0; images.len()];
-        for (g, group) in solution.groups.iter().enumerate() {
-            for i in group.members.iter().map(|&m| used[m]) {
-                for image in [pairs[i].from, pairs[i].to] {
-                    group_of_view[view_in(&images, image)] = g;
-                }
-            }
-        }
+        let (group_of_view, attitude_of_group) = groups_of(&used, pairs, &images, solution);
         let Some(setup) = self.setup(pairs, results, &used, &images, known) else { return Ok(None) };
         let both_sides = chosen.motions.iter().any(|(i, m)| used.contains(i) && m.sides == Sides::Both);
         let scene = if both_sides { SceneModel::Directions } else { SceneModel::Floor };
@@ -232,11 +234,13 @@ impl Pipeline<'_> {
         let start = |factor: &f64| {
             let k = &solution.intrinsics;
             let k = Intrinsics { fx: k.fx * factor, fy: k.fy * factor, ..*k };
-            let attitudes = self.attitudes_under(&k, pairs, results, &used, solution);
+            let of_solution = self.attitudes_under(&k, pairs, results, &used, solution);
+            let attitudes: Vec<Matrix3<f64>> = attitude_of_group.iter().map(|&a| of_solution[a]).collect();
             state_from_links(scene, self.camera_vector(&k, known), &k, &attitudes, &group_of_view, &setup.links)
         };
         let starts = factors.iter().filter_map(start).collect();
-        let joint = self.adjusted(scene, setup, images.clone(), starts, options)?;
+        let mut joint = self.adjusted(scene, setup, images.clone(), starts, options)?;
+        joint.attitude_of_group = attitude_of_group;
         if scene == SceneModel::Directions || solution.groups.len() < 2 {
             return Ok(Some(joint));
         }
@@ -267,7 +271,7 @@ impl Pipeline<'_> {
         if raised(Kind::Patch) > MAX_TIE_VARIANCE || raised(Kind::Point) > MAX_TIE_POINT_VARIANCE {
             return Ok(Some(joint));
         }
-        tied.ties = ties;
+        (tied.ties, tied.attitude_of_group) = (ties, joint.attitude_of_group);
         Ok(Some(tied))
     }
 
@@ -443,6 +447,32 @@ pub(super) fn images_of(used: &[usize], pairs: &[ImagePair]) -> Vec<usize> {
     all.into_iter().collect()
 }
 
+/// Groups of the refinement: views that motions connect share an attitude by what they are. Motions that only happen to have the
+/// same attitude within their noise keep one each, since a true difference would be forced to nothing. Returns the group of
+/// each view and the attitude of the solution that each group starts from and is reported as.
+fn groups_of(
+    used: &[usize],
+    pairs: &[ImagePair],
+    images: &[usize],
+    solution: &CameraSolution,
+) -> (Vec<usize>, Vec<usize>) {
+    let mut label: Vec<usize> = (0..images.len()).collect();
+    let views = |i: usize| [pairs[i].from, pairs[i].to].map(|image| view_in(images, image));
+    for &i in used {
+        let [a, b] = views(i).map(|v| label[v]);
+        label.iter_mut().filter(|l| **l == a.max(b)).for_each(|l| *l = a.min(b));
+    }
+    let roots: std::collections::BTreeSet<usize> = label.iter().copied().collect();
+    let group_of_view: Vec<usize> = label.iter().map(|l| roots.range(..l).count()).collect();
+    let mut attitude_of_group = vec![0; roots.len()];
+    for (attitude, group) in solution.groups.iter().enumerate() {
+        for &m in &group.members {
+            attitude_of_group[group_of_view[views(used[m])[0]]] = attitude;
+        }
+    }
+    (group_of_view, attitude_of_group)
+}
+
 fn view_in(images: &[usize], image: usize) -> usize {
     images.binary_search(&image).unwrap_or(0)
 }
@@ -471,7 +501,7 @@ impl Pipeline<'_> {
             let floor = b.scene == SceneModel::Floor;
             Some(ViewReport {
                 image: self.names[joint.images[v]].clone(),
-                attitude: b.state.views[v].group,
+                attitude: joint.attitude_of_group.get(b.state.views[v].group).copied(),
                 origin: self.names[joint.images[e.origin]].clone(),
                 yaw_deg: e.yaw_rad.to_degrees(),
                 yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),

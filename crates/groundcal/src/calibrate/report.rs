@@ -150,8 +150,9 @@ impl Pipeline<'_> {
         }
         let attitudes: Vec<Attitude> = match joint {
             // Without plane-normal motions there is no floor to have an attitude to.
-            Some(_) if solution.groups.is_empty() => Vec::new(),
-            Some(joint) => joint.bundle.groups.iter().map(|g| Attitude::from_up(g.up, &solution.intrinsics)).collect(),
+            Some(joint) => (0..solution.groups.len())
+                .filter_map(|a| Some(Attitude::from_up(joint.group_with(a)?.up, &solution.intrinsics)))
+                .collect(),
             None => {
                 let of = |group: &AttitudeGroup| {
                     let members = group.members.iter().map(|&m| used[m]);
@@ -169,7 +170,7 @@ impl Pipeline<'_> {
             .zip(&attitudes)
             .enumerate()
             .map(|(g, (group, attitude))| {
-                let covariance = joint.as_ref().map(|j| j.bundle.groups[g].covariance);
+                let covariance = joint.as_ref().and_then(|j| Some(j.group_with(g)?.covariance));
                 let sigma_deg = |i: usize| covariance.map(|c| c[(i, i)].max(0.0).sqrt().to_degrees());
                 AttitudeReport {
                     pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
