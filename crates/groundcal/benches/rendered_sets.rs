@@ -279,7 +279,7 @@ fn describe(scene: &Scene) -> String {
     let s = &scene.sensor;
     let views: String = scene.groups.iter().map(|g| g.views.len().to_string()).collect::<Vec<_>>().join("+");
     format!(
-        "{:<8} {:>4}x{:<3} f {:.2}w k1 {:+.3} k2 {:.3} views {:<13} roll {:>2.0} noise {:.1} q {} blur {:.1}",
+        "{:<8} {:>4}x{:<3} f {:.2}w k1 {:+.3} k2 {:.3} views {:<13} roll {:>2.0} noise {:.1} q {} blur {:.1} {:<8}",
         format!("{:?}", scene.floor.texture).to_lowercase(),
         c.image_size[0],
         c.image_size[1],
@@ -291,6 +291,11 @@ fn describe(scene: &Scene) -> String {
         s.noise_sigma_gl,
         s.jpeg_quality,
         s.blur_sigma_px,
+        match scene.sky.backdrop {
+            Backdrop::None => "",
+            Backdrop::Clouds => "clouds",
+            Backdrop::Skyline => "skyline",
+        },
     )
 }
 
@@ -449,7 +454,13 @@ fn detail(scene: &Scene, result: &Calibration, group_of: &dyn Fn(&str) -> Option
     }
     println!("    fit {:?}, attitude sigma {:.4} degrees", result.fit, result.attitude_sigma_deg);
     for group in &scene.groups {
-        println!("    attitude pitch {:.1} roll {:.1} degrees", group.pitch_down_deg, group.roll_deg);
+        let [a, b] = [0, 1].map(|i| Vector3::from(group.views[i].centre_m));
+        println!(
+            "    attitude pitch {:.1} roll {:.1} degrees, first step {:.2} heights",
+            group.pitch_down_deg,
+            group.roll_deg,
+            (b - a).norm() / a.z,
+        );
     }
     let yaw_deg = |name: &str| scene.views().find(|(_, v)| v.file == name).map_or(0.0, |(_, v)| v.yaw_deg);
     for m in &result.motions {
@@ -491,6 +502,7 @@ fn main() -> ExitCode {
     let sets = arguments.only.map_or(0..arguments.sets, |i| i..i + 1);
     let in_detail = arguments.only.is_some();
     let start = Instant::now();
+    let mut rendering_seconds = 0.0;
     let [mut auto, mut zero_skew] = [Tally::default(), Tally::default()];
     for set in sets {
         let scene = draw(arguments.seed, set);
@@ -498,7 +510,9 @@ fn main() -> ExitCode {
         if let Some(folder) = &keep {
             std::fs::create_dir_all(folder).expect("a folder to write to");
         }
+        let begin = Instant::now();
         let images = pictures(&scene, keep.as_ref());
+        rendering_seconds += begin.elapsed().as_secs_f64();
         let names: Vec<String> = scene.views().map(|(_, v)| v.file.clone()).collect();
         let may_be_skewed = scene.groups.len() >= 3 && roll_spread_deg(&scene) >= LEAST_ROLL_SPREAD_DEG;
         let calibrate = |constraint: Constraint, heading: String, tally: &mut Tally| {
@@ -529,6 +543,6 @@ fn main() -> ExitCode {
     zero_skew.print("zero-skew");
     auto.add(zero_skew);
     auto.print("all");
-    println!("{:.0} s", start.elapsed().as_secs_f64());
+    println!("{:.0} s, of which rendering {rendering_seconds:.0} s", start.elapsed().as_secs_f64());
     if auto.fraction_outside() < GOAL_OUTSIDE { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
