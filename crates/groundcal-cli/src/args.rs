@@ -7,7 +7,9 @@ use groundcal::{
     absolute_conic::Constraint,
     calibrate::{LensModel, Method},
     camera::{GivenPrior, PriorParameter},
-    image::ImageSize, synthetic::study::Study};
+    image::ImageSize,
+    synthetic::study::Study,
+};
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]

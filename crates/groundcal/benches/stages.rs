@@ -4,16 +4,20 @@
 
 use std::{hint::black_box, time::Instant};
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use groundcal::{
+    attitude::{attitude_rotation, yaw_rotation},
     attitude_groups::{Motion, Sides},
-    camera::{CameraOptions, solve_camera},
+    bundle::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
+    camera::{CameraOptions, parameters_in_frame, solve_camera},
     circular_points::from_homography,
     correspondence::PointMatch,
     features::{FeatureOptions, MatchOptions, detect, match_features},
     frame::Frame,
     homography::{HomographyEstimate, RobustOptions, estimate_robust, refine::RefineOptions, refine::refine},
+    image::ImageSize,
+    intrinsics::Intrinsics,
     least_squares_matching::{PatchOptions, match_patches, template_grid},
     synthetic::{
         points::{MotionSpec, PointScene},
@@ -39,6 +43,7 @@ fn main() {
     // `cargo bench` and `cargo test --benches` pass flags of their own; there is nothing to choose.
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
     single.install(run);
+    single.install(refinement);
 }
 
 fn run() {
@@ -122,5 +127,121 @@ fn run() {
             solve_camera(&motions, &frame, &options)
         };
         time(&format!("six homographies to K, {}", constraint.name()), 501, to_camera);
+    }
+}
+
+/// Views of a camera that turns and moves on along a floor, each seeing the points ahead of it, with 0.05 px of noise.
+fn drive(views: usize, points_a_view: usize) -> (Vec<Track>, State) {
+    let attitude = attitude_rotation(0.9, 0.1);
+    let k = Intrinsics::square(900.0, 511.5, 383.5);
+    let group = GroupState { attitude, ln_height: 0.0 };
+    let poses: Vec<ViewState> = (0..views)
+        .map(|v| ViewState {
+            group: 0,
+            delta_rad: [0.0; 2],
+            yaw_rad: 0.2 * (v as f64 * 0.9).sin(),
+            position: Vector2::new(0.25 * v as f64, 0.0),
+            ln_height_ratio: 0.0,
+        })
+        .collect();
+    let rotations: Vec<_> = poses.iter().map(|p| attitude * yaw_rotation(p.yaw_rad)).collect();
+    // A low-discrepancy cover of the strip that is seen.
+    let length = 0.25 * views as f64 + 2.0;
+    let count = (points_a_view as f64 * length / 1.1) as usize;
+    let (golden, plastic) = (0.618_033_988_749_895, 0.754_877_666_246_693);
+    let tracks = (0..count)
+        .filter_map(|i| {
+            let at = |step: f64| (i as f64 * step).fract();
+            let (x, y) = (length * at(golden), 1.6 * at(plastic) - 0.8);
+            let seen = poses.iter().zip(&rotations).enumerate().filter_map(|(v, (p, r))| {
+                let c = r * Vector3::new(x - p.position.x, y - p.position.y, -1.0);
+                let pixel = k.pixel_from_normalised(&Vector2::new(c.x / c.z, c.y / c.z));
+                let inside = c.z > 0.1 && (0.0..1023.0).contains(&pixel.x) && (0.0..767.0).contains(&pixel.y);
+                let wobble = |n: usize| 0.05 * ((n * 7919 + i * 104_729 + v * 1_299_709) as f64).sin();
+                inside.then(|| Observation {
+                    view: v,
+                    pixel: pixel + Vector2::new(wobble(1), wobble(2)),
+                    information: Matrix2::from_diagonal_element(1.0 / (0.05 * 0.05)),
+                })
+            });
+            let observations: Vec<Observation> = seen.collect();
+            (observations.len() >= 2).then_some(Track { kind: Kind::Patch, observations })
+        })
+        .collect();
+    let frame = Frame::new(ImageSize::new(1024, 768), None);
+    let mut camera = CameraVector::zeros();
+    camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&Intrinsics::square(905.0, 513.0, 381.0), &frame));
+    (tracks, State { camera, groups: vec![group], views: poses, points: Vec::new() })
+}
+
+fn refinement() {
+    let frame = Frame::new(ImageSize::new(1024, 768), None);
+    let options = BundleOptions {
+        priors: [
+            None,
+            Some((0.0, 0.003)),
+            Some((0.0, 0.12)),
+            Some((0.0, 0.12)),
+            None,
+            Some((0.0, 0.3)),
+            Some((0.0, 0.3)),
+        ],
+        image_half_sides: [1.14, 0.86],
+        ..BundleOptions::default()
+    };
+    // Six motions of a thousand points.
+    let scene = PointScene {
+        motions: (0..6)
+            .map(|i| MotionSpec::about_axis(0.6 + 0.07 * f64::from(i), -0.5 + 0.2 * f64::from(i), 0.4, 0.3, 1.0))
+            .collect(),
+        matches: 1000,
+        sigma_px: 0.05,
+        ..PointScene::nominal(1)
+    };
+    let pairs = scene.pairs();
+    let tracks: Vec<Track> = pairs
+        .iter()
+        .flat_map(|p| {
+            p.pair.matches.iter().map(|m| {
+                let seen = |view: usize, pixel: Vector2<f64>| Observation {
+                    view,
+                    pixel,
+                    information: Matrix2::from_diagonal_element(400.0),
+                };
+                Track { kind: Kind::Patch, observations: vec![seen(p.pair.from, m.a), seen(p.pair.to, m.b)] }
+            })
+        })
+        .collect();
+    let frame_of_scene = Frame::new(scene.size, None);
+    let mut camera = CameraVector::zeros();
+    camera
+        .fixed_rows_mut::<5>(0)
+        .copy_from(&parameters_in_frame(&Intrinsics::square(1005.0, 640.0, 480.0), &frame_of_scene));
+    let groups = scene
+        .motions
+        .iter()
+        .map(|m| GroupState { attitude: attitude_rotation(m.pitch_down_rad, m.roll_rad), ln_height: 0.0 });
+    let views = scene.motions.iter().enumerate().flat_map(|(g, m)| {
+        m.views().map(|v| ViewState {
+            group: g,
+            delta_rad: [0.0; 2],
+            yaw_rad: v.yaw_rad,
+            position: v.centre.xy(),
+            ln_height_ratio: 0.0,
+        })
+    });
+    let start = State { camera, groups: groups.collect(), views: views.collect(), points: Vec::new() };
+    time("joint refinement, 6 motions x 1000 points, covariance", 7, || {
+        adjust(SceneModel::Floor, &frame_of_scene, &tracks, vec![start.clone()], &options).expect("refined")
+    });
+    // Growth, the variance components given.
+    let given = BundleOptions { attitude_sigma_rad: Some(0.0005), height_sigma: Some(0.001), ..options };
+    for views in [25, 50, 100, 200] {
+        let (tracks, start) = drive(views, 500);
+        let observations: usize = tracks.iter().map(|t| t.observations.len()).sum();
+        let seconds = time(&format!("joint refinement, {views} views, {observations} observations"), 3, || {
+            adjust(SceneModel::Floor, &frame, &tracks, vec![start.clone()], &given).expect("refined")
+        });
+        println!("{:<52} {:.2} us an observation", "", 1e6 * seconds / observations as f64);
     }
 }

@@ -415,12 +415,7 @@ pub fn check_certainty(
     })
 }
 
-fn in_pixels(
-    groups: Vec<AttitudeGroup>,
-    s: ConicSolution,
-    options: &CameraOptions,
-    frame: &Frame,
-) -> CameraSolution {
+fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptions, frame: &Frame) -> CameraSolution {
     let mut intrinsics = frame.intrinsics_to_pixel(&s.intrinsics());
     // Minus zero looks odd in a file.
     intrinsics.skew += 0.0;

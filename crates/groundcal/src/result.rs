@@ -277,6 +277,19 @@ pub enum Warning {
     SingleAttitude {
         /// How many motions.
         motions: usize,
+        /// Where the principal point may go; `None` where it is held.
+        doubt: Option<PrincipalPointDoubt>,
+    },
+    /// A motion's views stray from their common attitude by more than those of the others.
+    MotionStrays {
+        /// First image.
+        from: String,
+        /// Second image.
+        to: String,
+        /// How far their attitudes differ, degrees.
+        apart_deg: f64,
+        /// Standard deviation of each attitude that the error bars allow for, degrees.
+        sigma_deg: f64,
     },
     /// All horizons are parallel: roll was never varied.
     ParallelHorizons {
@@ -337,6 +350,30 @@ pub enum Warning {
     },
 }
 
+/// The direction in which the principal point is known least.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrincipalPointDoubt {
+    /// Unit vector in the image, x and y.
+    pub direction: [f64; 2],
+    /// Standard deviation along it, pixels.
+    pub sigma_px: f64,
+    /// By how much fx changes with that, per cent.
+    pub f_percent: f64,
+}
+
+impl PrincipalPointDoubt {
+    /// From the covariance of (fx, fy, cx, cy, ...) in pixels squared.
+    pub fn new(fx: f64, covariance: impl Fn(usize, usize) -> f64) -> Self {
+        let (xx, xy, yy) = (covariance(2, 2), covariance(2, 3), covariance(3, 3));
+        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let (y, x) = angle.sin_cos();
+        let variance = (x * x * xx + 2.0 * x * y * xy + y * y * yy).max(f64::MIN_POSITIVE);
+        let with_f = x * covariance(0, 2) + y * covariance(0, 3);
+        let sigma_px = variance.sqrt();
+        Self { direction: [x, y], sigma_px, f_percent: 100.0 * (with_f / variance * sigma_px / fx).abs() }
+    }
+}
+
 impl Warning {
     /// Code and text.
     pub fn report(&self) -> WarningReport {
@@ -363,12 +400,27 @@ impl Warning {
                  cent). Take more motions, at other tilts and rolls"
                     .to_string(),
             ),
-            Warning::SingleAttitude { motions } => (
+            Warning::SingleAttitude { motions, doubt } => (
                 "single_attitude",
                 format!(
-                    "{motions} motion{} of one attitude: the principal point cannot be seen and f depends on where it is assumed. \
-                     Tilt or roll the camera by 20 degrees and repeat one motion",
-                    if *motions == 1 { "" } else { "s" }
+                    "{motions} motion{} of one attitude: {}. Tilt or roll the camera by 20 degrees and repeat one motion",
+                    if *motions == 1 { "" } else { "s" },
+                    match doubt {
+                        None => "f depends on where the principal point is held".to_string(),
+                        Some(d) => format!(
+                            "the principal point can move along ({:.2}, {:.2}) by +-{:.1} px (one standard deviation), held there by the \
+                             prior and the lens alone, and fx with it by {:.2} %",
+                            d.direction[0], d.direction[1], d.sigma_px, d.f_percent
+                        ),
+                    }
+                ),
+            ),
+            Warning::MotionStrays { from, to, apart_deg, sigma_deg } => (
+                "motion_strays",
+                format!(
+                    "{from} and {to}: their attitudes differ by {apart_deg:.2} degrees, more than the {sigma_deg:.2} degrees of a \
+                     view that the others show explain: the camera tilted between them, or they look at another plane. Leave the pair out \
+                     (--pairs) or take it again"
                 ),
             ),
             Warning::ParallelHorizons { spread_deg } => (

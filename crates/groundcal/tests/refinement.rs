@@ -4,17 +4,24 @@
 
 use groundcal::{
     absolute_conic::Constraint,
-    attitude::rotation_cam_from_world,
+    attitude::{attitude_rotation, rotation_cam_from_world},
+    bundle::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
+    camera::parameters_in_frame,
     correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
+    frame::Frame,
     image::ImageSize,
     intrinsics::Intrinsics,
+    levenberg_marquardt::LmOptions,
     result::Calibration,
-    synthetic::points::{MotionSpec, PointScene},
+    synthetic::{
+        bound::{HeightModel, cramer_rao_bound},
+        points::{MotionSpec, PointScene},
+    },
 };
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -180,7 +187,10 @@ fn axes_that_stray_by_two_degrees_are_covered_by_the_error_bars() {
     let within = answered.iter().filter(|(e, s)| e.abs() <= 3.0 * s).count();
     let rms = (answered.iter().map(|(e, _)| e * e).sum::<f64>() / answered.len() as f64).sqrt();
     let stated = (answered.iter().map(|(_, s)| s * s).sum::<f64>() / answered.len() as f64).sqrt();
-    println!("{} of {TRIALS} answered, {within} within 3 sd; rms error {rms:.1} px, stated {stated:.1} px", answered.len());
+    println!(
+        "{} of {TRIALS} answered, {within} within 3 sd; rms error {rms:.1} px, stated {stated:.1} px",
+        answered.len()
+    );
     assert!(answered.len() as f64 >= 0.95 * TRIALS as f64);
     assert!(within as f64 >= 0.95 * answered.len() as f64);
 }
@@ -207,4 +217,98 @@ fn four_motions_of_one_attitude_do_not_determine_the_principal_point() {
         let fx = sd.fx.expect("estimated");
         assert!((c.camera.fx - 1000.0).abs() < 3.5 * fx, "{} +- {fx}", c.camera.fx);
     }
+}
+
+/// Points of motions as the refinement takes them, and the true state.
+fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
+    let frame = Frame::new(scene.size, None);
+    let information = Matrix2::from_diagonal_element(1.0 / scene.sigma_px.max(1e-4).powi(2));
+    let seen = |view: usize, pixel: Vector2<f64>| Observation { view, pixel, information };
+    let tracks = scene
+        .pairs()
+        .iter()
+        .flat_map(|p| p.pair.matches.clone().into_iter().map(|m| (p.pair.from, p.pair.to, m)))
+        .map(|(a, b, m)| Track { kind: Kind::Point, observations: vec![seen(a, m.a), seen(b, m.b)] })
+        .collect();
+    let mut camera = CameraVector::zeros();
+    camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&scene.intrinsics, &frame));
+    let groups = scene
+        .motions
+        .iter()
+        .map(|m| GroupState { attitude: attitude_rotation(m.pitch_down_rad, m.roll_rad), ln_height: 0.0 });
+    let views = scene.motions.iter().enumerate().flat_map(|(group, m)| {
+        m.views().map(|v| ViewState {
+            group,
+            delta_rad: [0.0; 2],
+            yaw_rad: v.yaw_rad,
+            // The unit of length is the height of the first view.
+            position: v.centre.xy() / m.height,
+            ln_height_ratio: (v.centre.z / m.height).ln(),
+        })
+    });
+    (frame, tracks, State { camera, groups: groups.collect(), views: views.collect(), points: Vec::new() })
+}
+
+const EXACT: BundleOptions = BundleOptions {
+    free: [true, true, true, true, false, false, false],
+    priors: [None; 7],
+    tangential: [0.0; 2],
+    attitude_sigma_rad: Some(0.0),
+    attitude_scale_rad: 1e-3,
+    height_sigma: Some(0.0),
+    huber: 1e6,
+    image_half_sides: [1.15, 0.86],
+    lm: LmOptions { max_iterations: 60, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 },
+};
+
+#[test]
+fn exact_matches_come_back_from_a_start_far_off() {
+    let scene = PointScene { sigma_px: 0.0, ..PointScene::nominal(3) };
+    let (frame, tracks, truth) = bundle_of(&scene);
+    let mut start = truth.clone();
+    start.camera[0] += 0.2;
+    start.camera[2] -= 0.05;
+    for (i, g) in start.groups.iter_mut().enumerate() {
+        g.attitude = g.turned([0.05, -0.04 * (i as f64 - 1.0)]);
+    }
+    let found = adjust(SceneModel::Floor, &frame, &tracks, vec![start], &EXACT).expect("refined");
+    let error = (found.state.camera - truth.camera).norm();
+    assert!(error < 1e-9, "{error}");
+    for (v, t) in found.state.views.iter().zip(&truth.views) {
+        // The heading of the world is that of the first view, wherever it started.
+        assert!((v.position.norm() - t.position.norm()).abs() < 1e-8);
+    }
+}
+
+#[test]
+fn the_stated_covariance_is_the_cramer_rao_bound() {
+    // Two derivations of one number: Euclidean points and dense elimination there, homogeneous points and rotations here.
+    for (height_sigma, model) in [(0.0, HeightModel::Constant), (10.0, HeightModel::Free)] {
+        let scene = PointScene { sigma_px: 0.02, ..PointScene::nominal(5) };
+        let (frame, tracks, truth) = bundle_of(&scene);
+        let options = BundleOptions { height_sigma: Some(height_sigma), ..EXACT };
+        let found = adjust(SceneModel::Floor, &frame, &tracks, vec![truth], &options).expect("refined");
+        let pairs = scene.pairs();
+        let motions: Vec<_> =
+            scene.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
+        let bound = cramer_rao_bound(&scene.intrinsics, &motions, scene.sigma_px, Constraint::ZeroSkew, model)
+            .expect("determined");
+        // The noise is estimated; the weights rest when it agrees with them to half a per cent.
+        let noise = found.variance_factors[Kind::Point as usize];
+        let student = found.degrees_of_freedom / (found.degrees_of_freedom - 2.0);
+        let ln_fx = found.covariance[(0, 0)] / (noise * student);
+        let ratio = ln_fx * scene.intrinsics.fx.powi(2) / bound[(0, 0)];
+        assert!((ratio - 1.0).abs() < 6e-3, "{model:?}: {ratio}");
+        let cy = found.covariance[(3, 3)] * frame.scale_px.powi(2) / (noise * student);
+        assert!((cy / bound[(3, 3)] - 1.0).abs() < 6e-3, "{model:?}: {cy} {}", bound[(3, 3)]);
+    }
+}
+
+#[test]
+fn no_start_no_answer_and_no_panic() {
+    let (frame, tracks, truth) = bundle_of(&PointScene::nominal(1));
+    assert!(adjust(SceneModel::Floor, &frame, &tracks, Vec::new(), &EXACT).is_err());
+    let mut broken = truth;
+    broken.camera[0] = f64::NAN;
+    assert!(adjust(SceneModel::Floor, &frame, &tracks, vec![broken], &EXACT).is_err());
 }

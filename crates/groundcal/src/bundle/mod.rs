@@ -163,6 +163,8 @@ const HEIGHT_SCALE: f64 = 1e-3;
 const MIN_DIRECTIONS: usize = 4;
 /// Probability below which the attitudes' disagreement is not put down to chance.
 pub const DISAGREEMENT_P: f64 = 0.01;
+/// Relative error of the variance of the residuals at which the weights rest.
+const WEIGHTS_REST: f64 = 0.005;
 /// Rounds of estimation of weights and variance components.
 const ROUNDS: usize = 10;
 
@@ -241,7 +243,7 @@ pub fn adjust(
                 .fold(0.0, f64::max)
         });
         last = Some(out.state.camera);
-        let rests = |k: usize| (white[k] - 1.0).abs() < 0.02 && (next_effects[k] / effects[k]).ln().abs() < 0.05;
+        let rests = |k: usize| (white[k] - 1.0).abs() < WEIGHTS_REST && (next_effects[k] / effects[k]).ln().abs() < 0.05;
         let mut settled = moved < 0.02 && (0..KINDS).all(rests);
         let agreement = deltas.as_ref().map_or((0.0, 0), |d| d.agreement(attitude_sigma.sigma));
         if options.attitude_sigma_rad.is_none()
@@ -312,13 +314,7 @@ const PROFILE_FROM: f64 = 0.01;
 
 /// How much wider than its linearised error bar the interval of f is: the cost, minimised over everything else, must have risen
 /// by what belongs to 95 % at the ends (profile likelihood). Only where the bar is wide; 1: the bar holds.
-fn profile_widening(
-    problem: &Problem,
-    state: &State,
-    cost: f64,
-    factor: &SkylineCholesky,
-    lm: &LmOptions,
-) -> f64 {
+fn profile_widening(problem: &Problem, state: &State, cost: f64, factor: &SkylineCholesky, lm: &LmOptions) -> f64 {
     const RISE: f64 = 1.92;
     const STIFFNESS: f64 = 1e-8;
     let column = problem.layout.camera[0];
@@ -425,7 +421,10 @@ impl Deviations {
         let (values, vectors) = symmetric_eigen(&((&information + information.transpose()) * 0.5))?;
         // Rounding of what the prior held.
         let least = 1e-9 * prior;
-        Some(Self { right: vectors.tr_mul(&(posterior * mean)), eigenvalues: values.map(|v| if v > least { v } else { 0.0 }) })
+        Some(Self {
+            right: vectors.tr_mul(&(posterior * mean)),
+            eigenvalues: values.map(|v| if v > least { v } else { 0.0 }),
+        })
     }
 
     /// Logarithm of the likelihood of a deviation, all else being profiled out.
@@ -549,7 +548,8 @@ impl Solution<'_> {
                 let columns = &self.problem.layout.views[v];
                 let group = &self.problem.layout.groups[view.group];
                 let height_columns = if v == origin { [usize::MAX; 2] } else { [group[2], columns[5]] };
-                let b = self.block([columns[2], columns[3], columns[4], height_columns[0], height_columns[1]]) * widened;
+                let b =
+                    self.block([columns[2], columns[3], columns[4], height_columns[0], height_columns[1]]) * widened;
                 let plane = turn * b.fixed_view::<2, 2>(1, 1) * turn.transpose();
                 let height = if v == origin { 1.0 } else { at.centre().z };
                 let ln_height = b[(3, 3)] + b[(4, 4)] + 2.0 * b[(3, 4)];

@@ -169,7 +169,11 @@ impl Problem {
             .map(|t| {
                 t.observations
                     .iter()
-                    .map(|o| Seen { pixel: i.frame.from_pixel(&o.pixel), whiten: root(&(o.information * scale * scale)), robust: 1.0 })
+                    .map(|o| Seen {
+                        pixel: i.frame.from_pixel(&o.pixel),
+                        whiten: root(&(o.information * scale * scale)),
+                        robust: 1.0,
+                    })
                     .collect()
             })
             .collect();
@@ -347,9 +351,8 @@ impl Problem {
                 for (s, &v) in self.seen[t].iter().zip(&c.views).skip(1) {
                     let pixel = projector.project(&poses[v].camera_point(&state.points[t]))?;
                     let r = whitened(s, &(pixel - s.pixel)) * (self.weights[kind] * s.robust).sqrt();
-                    let place = |x: f64, half: f64| {
-                        ((0.5 * (x / half + 1.0) * CELLS as f64).max(0.0) as usize).min(CELLS - 1)
-                    };
+                    let place =
+                        |x: f64, half: f64| ((0.5 * (x / half + 1.0) * CELLS as f64).max(0.0) as usize).min(CELLS - 1);
                     let at = place(s.pixel.y, image_half_sides[1]) * CELLS + place(s.pixel.x, image_half_sides[0]);
                     let cell = &mut cells.entry([kind, c.views[0], v]).or_default()[at];
                     cell.sum += r;
@@ -656,7 +659,14 @@ impl Linearisation for Reduced {
 }
 
 impl Problem {
-    fn part(&self, cluster: usize, tracks: &[usize], state: &State, projector: &Projector, poses: &[Pose]) -> Option<Part> {
+    fn part(
+        &self,
+        cluster: usize,
+        tracks: &[usize],
+        state: &State,
+        projector: &Projector,
+        poses: &[Pose],
+    ) -> Option<Part> {
         let c = &self.clusters[cluster];
         let (m, n) = (c.views.len(), c.columns.len());
         let width = n + 3; // J, P, r

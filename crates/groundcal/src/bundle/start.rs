@@ -103,7 +103,8 @@ fn pose_from_floor(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
     let centre = -rotation.tr_mul(&m.column(2).into_owned());
     // The floor lies below; K⁻¹ F and its negative are the same map.
     let (rotation, centre) = if centre.z < 0.0 {
-        let turned = Matrix3::from_columns(&[-rotation.column(0), -rotation.column(1), rotation.column(2).into_owned()]);
+        let turned =
+            Matrix3::from_columns(&[-rotation.column(0), -rotation.column(1), rotation.column(2).into_owned()]);
         (turned, -turned.tr_mul(&-m.column(2).into_owned()))
     } else {
         (rotation, centre)
@@ -113,7 +114,12 @@ fn pose_from_floor(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
 
 /// Rotations of cameras that turn on the spot, from those of the first: camera from world coordinates, along the best links.
 /// `None` when the links do not connect all of them.
-pub fn rotations_from_links(first: Matrix3<f64>, count: usize, k_px: &Intrinsics, links: &[Link]) -> Option<Vec<Matrix3<f64>>> {
+pub fn rotations_from_links(
+    first: Matrix3<f64>,
+    count: usize,
+    k_px: &Intrinsics,
+    links: &[Link],
+) -> Option<Vec<Matrix3<f64>>> {
     let (k, k_inverse) = (k_px.matrix(), k_px.inverse_matrix());
     let mut rotations = vec![None; count];
     *rotations.first_mut()? = Some(first);
@@ -136,5 +142,7 @@ fn nearest_rotation(m: &Matrix3<f64>) -> Option<Matrix3<f64>> {
         return None;
     }
     let m = m / det.cbrt();
-    m.iter().all(|v| v.is_finite()).then(|| Rotation3::from_matrix_eps(&m, 1e-12, 100, Rotation3::identity()).into_inner())
+    m.iter()
+        .all(|v| v.is_finite())
+        .then(|| Rotation3::from_matrix_eps(&m, 1e-12, 100, Rotation3::identity()).into_inner())
 }

@@ -107,13 +107,16 @@ mod tests {
     #[test]
     fn chains_become_one_track_and_contradictions_do_not() {
         // 0-1 and 2-1 share a point of 1; 2-3 continues; 0-3' would put a second point of 3 in.
-        let tracks = join_matches(Kind::Point, &[
-            [seen(0, 5.0), seen(1, 6.0)],
-            [seen(2, 7.0), seen(3, 8.0)],
-            [seen(1, 6.0), seen(2, 7.0)],
-            [seen(0, 5.0), seen(3, 9.0)],
-            [seen(4, 1.0), seen(5, 1.0)],
-        ]);
+        let tracks = join_matches(
+            Kind::Point,
+            &[
+                [seen(0, 5.0), seen(1, 6.0)],
+                [seen(2, 7.0), seen(3, 8.0)],
+                [seen(1, 6.0), seen(2, 7.0)],
+                [seen(0, 5.0), seen(3, 9.0)],
+                [seen(4, 1.0), seen(5, 1.0)],
+            ],
+        );
         assert_eq!(tracks.iter().map(views).collect::<Vec<_>>(), [vec![0, 1, 2, 3], vec![0, 3], vec![4, 5]]);
         assert!(tracks[0].observations.iter().all(|o| (o.information - Matrix2::identity()).norm() < 1e-15));
     }

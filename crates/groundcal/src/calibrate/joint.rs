@@ -14,7 +14,8 @@ use crate::{
     attitude::attitude_rotation,
     attitude_groups::{AttitudeGroup, Sides},
     bundle::{
-        Bundle, BundleOptions, CAMERA, CameraVector, GroupEstimate, Kind, Observation, SceneModel, State, Track, ViewEstimate, adjust, disagreement,
+        Bundle, BundleOptions, CAMERA, CameraVector, GroupEstimate, Kind, Observation, SceneModel, State, Track,
+        ViewEstimate, adjust, disagreement,
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
@@ -165,7 +166,11 @@ impl Joint {
             degrees_of_freedom,
             attitude_sigma_rad: self.bundle.attitude_sigma.sigma,
             attitude_sigma_estimated: self.bundle.attitude_sigma.estimated,
-            variance_inflation: if options.attitude_sigma_rad.is_some() { disagreement(self.bundle.agreement) } else { 1.0 },
+            variance_inflation: if options.attitude_sigma_rad.is_some() {
+                disagreement(self.bundle.agreement)
+            } else {
+                1.0
+            },
             ..linear
         }
     }
@@ -276,13 +281,7 @@ impl Pipeline<'_> {
     }
 
     /// Pairs of views of different attitudes whose homographies are of the floor that both look at.
-    fn ties(
-        &self,
-        pairs: &[ImagePair],
-        results: &[PairResult],
-        used: &[usize],
-        joint: &Joint,
-    ) -> Vec<usize> {
+    fn ties(&self, pairs: &[ImagePair], results: &[PairResult], used: &[usize], joint: &Joint) -> Vec<usize> {
         let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
         let view = |image: usize| joint.images.binary_search(&image).ok();
         let group = |v: usize| joint.bundle.state.views[v].group;
@@ -297,7 +296,7 @@ impl Pipeline<'_> {
                 (group(a) != group(b) && deviation < MAX_TIE_DEVIATION).then_some((i, robust.inliers.len()))
             })
             .collect();
-            found.sort_by_key(|(i, matches)| (std::cmp::Reverse(*matches), *i));
+        found.sort_by_key(|(i, matches)| (std::cmp::Reverse(*matches), *i));
         found.truncate(TIES_PER_VIEW * joint.images.len());
         let mut ties: Vec<usize> = found.into_iter().map(|(i, _)| i).collect();
         ties.sort_unstable();
@@ -416,8 +415,8 @@ impl Pipeline<'_> {
         for kind in [Kind::Patch, Kind::Point] {
             let of_kind: Vec<_> = all.iter().filter(|(_, r)| r.patches == (kind == Kind::Patch)).collect();
             let count: usize = of_kind.iter().map(|(_, r)| r.inliers.len()).sum();
-            let common =
-                of_kind.iter().map(|(_, r)| r.inliers.len() as f64 * r.estimate.sigma_px.powi(2)).sum::<f64>() / count as f64;
+            let common = of_kind.iter().map(|(_, r)| r.inliers.len() as f64 * r.estimate.sigma_px.powi(2)).sum::<f64>()
+                / count as f64;
             let mut matches: Vec<[Observation; 2]> = Vec::new();
             for (i, robust) in of_kind {
                 // Few matches do not tell their noise: that of all of the kind counts as some more.
@@ -490,7 +489,6 @@ impl PairResult {
     pub(super) fn inliers(&self) -> &[usize] {
         self.outcome.as_ref().map_or(&[], |(robust, _)| &robust.inliers)
     }
-
 }
 
 impl Pipeline<'_> {

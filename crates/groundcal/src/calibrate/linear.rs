@@ -162,7 +162,8 @@ impl Pipeline<'_> {
         // A pan about one axis is explained by both, and then it is motions of one attitude, which is more to know.
         let used = selected.as_ref().map_or(Vec::new(), Chosen::used);
         let joined = images_of(&used, pairs).len();
-        let explains_more = |t: &Turning| t.images > joined || (t.images == joined && 4 * used.len() < 3 * t.used.len());
+        let explains_more =
+            |t: &Turning| t.images > joined || (t.images == joined && 4 * used.len() < 3 * t.used.len());
         match self.turning(pairs, results, known) {
             Some(turning) if explains_more(&turning) => Ok(Scenario::Turning(turning)),
             _ => selected.map(Scenario::Motions),

@@ -20,9 +20,10 @@ use crate::{
     lens_estimate::Lens,
     motions::Verdict,
     result::{
-        AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, Prior, StandardDeviation,
-        Warning,
+        AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, PrincipalPointDoubt,
+        Prior, StandardDeviation, Warning,
     },
+    statistics::chi_squared_survival,
 };
 
 /// Standard deviation of fx, in percent, from which on its interval is only roughly one.
@@ -31,6 +32,9 @@ const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
 /// Parameters whose priors, when they decide, are worth a warning: a good camera's aspect ratio and a lens without distortion are
 /// no news.
 const MATTERS: [&str; 4] = ["fx", "cx", "cy", "skew"];
+
+/// Deviation of the principal point, as a fraction of the width, below which it counts as known.
+const KNOWN_PRINCIPAL_POINT: f64 = 0.01;
 
 /// What is known of the lens.
 pub(super) enum KnownLens {
@@ -163,6 +167,9 @@ impl Pipeline<'_> {
             }
         };
         self.add_warnings(&mut warnings, solution, &attitudes, used.len());
+        if let Some(joint) = joint {
+            warnings.extend(self.straying_motions(pairs, used, joint));
+        }
         let motion_reports = self.motion_reports(pairs, results, &concluded, &attitudes);
         let reports = solution
             .groups
@@ -186,13 +193,40 @@ impl Pipeline<'_> {
         self.assemble(solution, joint.as_ref(), &lens, reports, motion_reports, &warnings)
     }
 
+    /// Motions whose views' attitudes stray by more than σ_a explains: chi-squared of four deviations, one in a hundred for all
+    /// motions together.
+    fn straying_motions(&self, pairs: &[ImagePair], used: &[usize], joint: &Joint) -> Vec<Warning> {
+        let sigma = joint.bundle.attitude_sigma.sigma;
+        let delta = |image: usize| {
+            joint.images.binary_search(&image).map_or([0.0; 2], |v| joint.bundle.state.views[v].delta_rad)
+        };
+        let strays = |&i: &usize| {
+            let (a, b) = (delta(pairs[i].from), delta(pairs[i].to));
+            let squares = a.iter().chain(&b).map(|d| (d / sigma).powi(2)).sum::<f64>();
+            let improbable = chi_squared_survival(squares, 4) < 0.01 / used.len() as f64;
+            (sigma > 0.0 && improbable).then(|| Warning::MotionStrays {
+                from: self.names[pairs[i].from].clone(),
+                to: self.names[pairs[i].to].clone(),
+                apart_deg: (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees(),
+                sigma_deg: sigma.to_degrees(),
+            })
+        };
+        used.iter().filter_map(strays).collect()
+    }
+
     fn add_warnings(&self, warnings: &mut Vec<Warning>, s: &CameraSolution, attitudes: &[Attitude], motions: usize) {
         if motions == 1 {
             warnings.push(Warning::SingleMotion);
         }
         let point_given = self.options.principal_point_px.is_some();
         if attitudes.len() == 1 && !point_given {
-            warnings.push(Warning::SingleAttitude { motions });
+            let doubt =
+                s.estimated[2].then(|| PrincipalPointDoubt::new(s.intrinsics.fx, |r, c| s.covariance_px[(r, c)]));
+            // A closed turn or the lens may tell the principal point all the same.
+            let known = doubt.is_some_and(|d| d.sigma_px < KNOWN_PRINCIPAL_POINT * self.size.width as f64);
+            if !known {
+                warnings.push(Warning::SingleAttitude { motions, doubt });
+            }
         } else if attitudes.len() > 1 && s.estimated[2] {
             // Rolls modulo 180 degrees: the horizon is a line without direction.
             let rolls: Vec<f64> = attitudes.iter().map(|a| a.roll_rad).collect();
@@ -376,7 +410,9 @@ impl Pipeline<'_> {
                 refinement: joint.map(Joint::report),
             },
             views: joint.map_or(Vec::new(), |j| self.view_reports(j)),
-            height_sigma: joint.map(|j| j.bundle.height_sigma.sigma).filter(|_| joint.is_some_and(|j| j.bundle.scene == SceneModel::Floor)),
+            height_sigma: joint
+                .map(|j| j.bundle.height_sigma.sigma)
+                .filter(|_| joint.is_some_and(|j| j.bundle.scene == SceneModel::Floor)),
             attitudes,
             motions,
             warnings: warnings.iter().map(Warning::report).collect(),

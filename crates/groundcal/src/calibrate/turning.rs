@@ -59,7 +59,8 @@ impl Pipeline<'_> {
     /// The pairs that one camera turning on the spot explains, if they join three images or more, none of them contradicts a
     /// third pair, and the joint refinement agrees.
     pub(super) fn turning(&self, pairs: &[ImagePair], results: &[PairResult], known: &KnownLens) -> Option<Turning> {
-        let (width, [cx, cy]) = (self.size.width as f64, self.options.principal_point_px.unwrap_or(self.size.centre_px()));
+        let (width, [cx, cy]) =
+            (self.size.width as f64, self.options.principal_point_px.unwrap_or(self.size.centre_px()));
         let camera = |i: usize| {
             let (low, high) = FOCAL_RANGE;
             let f = width * low * (high / low).powf(i as f64 / FOCAL_STEPS as f64);
@@ -110,8 +111,7 @@ impl Pipeline<'_> {
             .ok_or_else(|| failed("the pairs do not connect the images"))?;
         let groups: Vec<usize> = (0..images.len()).collect();
         let scene = SceneModel::Directions;
-        let start =
-            state_from_links(scene, self.camera_vector(&k, known), &k, &attitudes, &groups, &setup.links);
+        let start = state_from_links(scene, self.camera_vector(&k, known), &k, &attitudes, &groups, &setup.links);
         self.adjusted(scene, setup, images, start.into_iter().collect(), &options)
     }
 

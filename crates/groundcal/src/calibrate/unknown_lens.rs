@@ -3,7 +3,12 @@
 
 use nalgebra::{Matrix4, SMatrix, SVector};
 
-use super::{LensModel, Pipeline, linear::{Chosen, Scenario}, pairs::PairResult, report::KnownLens};
+use super::{
+    LensModel, Pipeline,
+    linear::{Chosen, Scenario},
+    pairs::PairResult,
+    report::KnownLens,
+};
 use crate::{
     camera::{CameraOptions, CameraSolution, solve_camera},
     correspondence::{ImagePair, PointMatch},
