@@ -794,3 +794,46 @@ fn a_wide_lens_is_estimated_with_the_camera() {
     assert!((number(&json, "/camera/distortion/k1") + 0.2).abs() < 0.001);
     assert_eq!(json["camera"]["distortion"]["source"], "estimated");
 }
+
+#[test]
+fn method_lens_and_priors_can_be_chosen() {
+    let linear = calibrate(&args(&["examples/tripod"], &["--method", "linear"])).json();
+    assert_eq!(linear["method"], "linear");
+    assert!(linear["scene"].is_null() && linear["views"].as_array().is_some_and(Vec::is_empty));
+    let joint = &tripod().json;
+    assert_eq!((&joint["method"], &joint["scene"]), (&Value::from("joint"), &Value::from("floor")));
+    assert!(number(joint, "/standard_deviation/fx") < number(&linear, "/standard_deviation/fx"), "joint is sharper");
+    // A prior far off and stiff pulls, and is reported with what the images made of it.
+    let given =
+        args(&["examples/tripod"], &["--prior", "cx=419.5+-0.001", "--prior", "k2=0+-0.01", "--distortion", "k1k2"]);
+    let pulled = calibrate(&given).json();
+    close_to(number(&pulled, "/camera/cx"), 419.5, 0.1);
+    let prior = |json: &Value, name: &str| {
+        json["priors"].as_array().unwrap().iter().find(|p| p["parameter"] == name).cloned().unwrap_or_default()
+    };
+    assert!(number(&prior(&pulled, "cx"), "/posterior_over_prior") > 0.9);
+    close_to(number(&prior(&pulled, "k2"), "/sigma"), 0.01, 1e-12);
+    let k1 = calibrate(&args(&["examples/tripod"], &["--distortion", "k1"])).json();
+    assert_eq!(k1["camera"]["distortion"]["k2"], 0.0);
+    assert!(k1["standard_deviation"]["k2"].is_null() && number(&k1, "/standard_deviation/k1") > 0.0);
+}
+
+#[test]
+fn priors_that_make_no_sense_are_refused() {
+    for (prior, constraint, code, word) in [
+        ("cx", "auto", 2, "NAME=VALUE+-SIGMA"),
+        ("width=3+-1", "auto", 2, "none of fx"),
+        ("cx=3+-x", "auto", 2, "NAME=VALUE+-SIGMA"),
+        ("cx=300+-0", "auto", 2, "positive"),
+        ("fx=-5+-1", "auto", 2, "positive"),
+        ("cx=300+-5", "focal", 2, "holds"),
+    ] {
+        let outcome = calibrate(&args(&["examples/tripod"], &["--prior", prior, "--constraint", constraint]));
+        assert_eq!(outcome.code, code, "{prior}: {}", outcome.stderr);
+        assert!(outcome.stderr.contains(word), "{prior}: {}", outcome.stderr);
+    }
+}
+
+fn close_to(value: f64, expected: f64, tolerance: f64) {
+    assert!((value - expected).abs() <= tolerance, "{value}, {expected} expected");
+}

@@ -137,3 +137,19 @@ fn general_motion_is_refused_or_answered_within_its_error_bars() {
         close(&json, &truth, parameter, 3.0 * sigma);
     }
 }
+
+#[test]
+fn axes_off_by_more_than_a_degree_are_in_the_error_bar() {
+    let Some(folder) = set("real_rct_charuco") else { return };
+    let temporary = tempfile::tempdir().unwrap();
+    let pairs = temporary.path().join("pairs.csv");
+    std::fs::write(&pairs, "image_a,image_b\n0.png,5.png\n0.png,6.png\n1.png,5.png\n1.png,6.png\n").unwrap();
+    let (tracks, pairs) = (text(&folder.join("tracks.csv")), text(&pairs));
+    let json = calibrate(&[&tracks, "--image-size", "1600x1200", "--pairs", &pairs]).json();
+    let truth = read_json(&folder.join("truth.json"));
+    let sigma = number(&json, "/standard_deviation/fx");
+    let error = number(&json, "/camera/fx") - number(&truth, "/fx");
+    println!("fx off by {error:.1} +- {sigma:.1} px; attitude sigma {} deg", json["attitude_sigma_deg"]);
+    assert!(error.abs() < 2.0 * sigma && sigma > 0.01 * 1360.0, "{error} +- {sigma}");
+    assert!(number(&json, "/attitude_sigma_deg") > 0.3, "the stray axis is seen");
+}

@@ -243,7 +243,8 @@ pub fn adjust(
                 .fold(0.0, f64::max)
         });
         last = Some(out.state.camera);
-        let rests = |k: usize| (white[k] - 1.0).abs() < WEIGHTS_REST && (next_effects[k] / effects[k]).ln().abs() < 0.05;
+        let rests =
+            |k: usize| (white[k] - 1.0).abs() < WEIGHTS_REST && (next_effects[k] / effects[k]).ln().abs() < 0.05;
         let mut settled = moved < 0.02 && (0..KINDS).all(rests);
         let agreement = deltas.as_ref().map_or((0.0, 0), |d| d.agreement(attitude_sigma.sigma));
         if options.attitude_sigma_rad.is_none()
@@ -447,17 +448,15 @@ impl Deviations {
 
     fn attitude_component(&self, scale: f64) -> Component {
         let seen = self.eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count();
-        let component = VarianceComponent { scale, below: 30.0, above: 100.0 };
+        let component = VarianceComponent { scale, below: 30.0, above: 50.0 };
         let told = || component.posterior(|s| self.log_likelihood(s));
         if seen >= MIN_DIRECTIONS {
             return Component { sigma: told(), estimated: true };
         }
-        // Few directions do not make the deviation smaller than stated, but a clear contradiction makes it larger.
-        let (chi_squared, degrees_of_freedom) = self.agreement(scale);
-        if chi_squared_survival(chi_squared, degrees_of_freedom) < DISAGREEMENT_P {
-            return Component { sigma: told().max(scale), estimated: true };
-        }
-        Component { sigma: scale, estimated: false }
+        // Few directions, or vague ones, do not make the deviation smaller than stated, but they may make it larger.
+        let (_, directions) = self.agreement(scale);
+        let sigma = if directions > 0 { told().max(scale) } else { scale };
+        Component { sigma, estimated: sigma > scale }
     }
 }
 

@@ -328,7 +328,9 @@ impl Pipeline<'_> {
                      leave residuals {:.0} times as large as the matching noise: the camera moved, before a scene that is no floor",
                     patches.max(points).sqrt()
                 ),
-                remedy: "Turn the camera about its optical centre, or about the normal of a floor that it sees".into(),
+                remedy: "Turn the camera about its optical centre, or about the normal of a floor that it sees; name the true \
+                         motions with --pairs"
+                    .into(),
             });
         }
         Ok(Joint::new(bundle, images, options.tangential, &self.frame()))

@@ -463,7 +463,8 @@ impl LensResult {
             (KnownLens::NotModelled, _) => held("not modelled", Distortion::default()),
             (KnownLens::Given(lens), _) => held("given", lens.distortion),
             (KnownLens::Estimated(_), Some(joint)) => {
-                let sigma = |i: usize| Some(joint.covariance_px[(i, i)].max(0.0).sqrt());
+                // What is not estimated has no variance.
+                let sigma = |i: usize| Some(joint.covariance_px[(i, i)].sqrt()).filter(|s| *s > 0.0);
                 Self { source: "estimated", distortion: joint.distortion, k1_sigma: sigma(5), k2_sigma: sigma(6) }
             }
             (KnownLens::Estimated(finding), None) => {
