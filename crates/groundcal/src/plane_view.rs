@@ -4,7 +4,8 @@
 //! x ~ K A(pitch, roll) Rz(-yaw) (X - c),    X = (X, Y, 0),   c = (x, y, height)
 //! ```
 //!
-//! (see [`crate::attitude`] for the angles). The model of the Cramér-Rao bound and of the joint refinement.
+//! (see [`crate::attitude`] for the angles). The model of the synthetic scenes and of the Cramér-Rao bound; that of the joint
+//! refinement, with a lens and homogeneous points, is [`crate::bundle::model`].
 
 use nalgebra::{SMatrix, Vector2, Vector3};
 

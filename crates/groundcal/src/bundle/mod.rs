@@ -266,7 +266,7 @@ pub fn adjust(
             let solution = Solution { problem: &problem, state: &out.state, factor: &factor };
             // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
             let student = if degrees_of_freedom > 4.0 { degrees_of_freedom / (degrees_of_freedom - 2.0) } else { 2.0 };
-            let unexplained = options.attitude_sigma_rad.is_some().then(|| disagreement(agreement)).unwrap_or(1.0);
+            let unexplained = if options.attitude_sigma_rad.is_some() { disagreement(agreement) } else { 1.0 };
             let nonlinear = profile_widening(&problem, &out.state, out.cost, &factor, &options.lm);
             let widened = student * unexplained * nonlinear * nonlinear;
             let origin_of = problem::components_of(group_of_view.len(), tracks);

@@ -267,9 +267,9 @@ impl Problem {
         let height = self.height_sigma.max(STIFF);
         for (v, columns) in self.layout.views.iter().enumerate() {
             let view = &state.views[v];
-            for axis in 0..2 {
-                if Layout::is_free(columns[axis]) {
-                    out.push((columns[axis], 1.0, view.delta_rad[axis], attitude));
+            for (column, delta) in columns.iter().zip(view.delta_rad) {
+                if Layout::is_free(*column) {
+                    out.push((*column, 1.0, delta, attitude));
                 }
             }
             if Layout::is_free(columns[5]) {
