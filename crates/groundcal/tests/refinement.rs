@@ -308,6 +308,10 @@ fn the_stated_covariance_is_the_cramer_rao_bound() {
 fn no_start_no_answer_and_no_panic() {
     let (frame, tracks, truth) = bundle_of(&PointScene::nominal(1));
     assert!(adjust(SceneModel::Floor, &frame, &tracks, Vec::new(), &EXACT).is_err());
+    let mut foreign = tracks.clone();
+    foreign[3].observations[1].view = 99;
+    let refused = adjust(SceneModel::Floor, &frame, &foreign, vec![truth.clone()], &EXACT);
+    assert!(matches!(refused, Err(Error::InvalidInput(text)) if text.contains("track 3")));
     let mut broken = truth;
     broken.camera[0] = f64::NAN;
     assert!(adjust(SceneModel::Floor, &frame, &tracks, vec![broken], &EXACT).is_err());

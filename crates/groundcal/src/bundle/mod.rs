@@ -172,7 +172,7 @@ const ROUNDS: usize = 10;
 /// bar may hold more than one minimum. The starts must have the same groups and views.
 ///
 /// # Errors
-/// [`Error::Numerical`] when the start is outside the model or the information is singular.
+/// [`Error::InvalidInput`] when tracks and views do not fit; [`Error::Numerical`] when the start is outside the model or the information is singular.
 pub fn adjust(
     scene: SceneModel,
     frame: &Frame,
@@ -183,6 +183,7 @@ pub fn adjust(
     let failed = |detail: &str| Error::Numerical { stage: "joint refinement", detail: detail.into() };
     let first = starts.first().ok_or_else(|| failed("there is no start"))?;
     let group_of_view: Vec<usize> = first.views.iter().map(|v| v.group).collect();
+    check(tracks, &starts)?;
     let mut problem = Problem::new(&Ingredients {
         scene,
         frame,
@@ -299,6 +300,27 @@ pub fn adjust(
         problem.weights = std::array::from_fn(|k| next_white[k] / next_effects[k]);
         effects = next_effects;
     }
+}
+
+/// Refuses what would index beyond the views and groups there are.
+fn check(tracks: &[Track], starts: &[State]) -> Result<(), Error> {
+    let fail = |text: String| Err(Error::InvalidInput(text));
+    let groups: Vec<usize> = starts[0].views.iter().map(|v| v.group).collect();
+    let same = |s: &State| s.views.iter().map(|v| v.group).eq(groups.iter().copied());
+    if starts.iter().any(|s| !same(s) || groups.iter().any(|g| *g >= s.groups.len())) {
+        return fail("the starts differ in their views and groups, or a view has no group".into());
+    }
+    for (t, track) in tracks.iter().enumerate() {
+        let o = &track.observations;
+        let ascending = o.windows(2).all(|w| w[0].view < w[1].view);
+        let finite = o.iter().all(|o| o.pixel.iter().chain(o.information.iter()).all(|v| v.is_finite()));
+        if o.len() < 2 || !ascending || !finite || o.iter().any(|o| o.view >= groups.len()) {
+            return fail(format!(
+                "track {t} must have two observations or more, finite, in ascending order of views that exist"
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// By how much the variances grow because the attitudes disagree with a σ_a that was given.
