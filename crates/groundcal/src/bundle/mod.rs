@@ -10,6 +10,7 @@
 //! (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood. The points are eliminated ([`problem`]); what is left is sparse ([`skyline`]).
 
+pub mod layout;
 pub mod model;
 pub mod problem;
 pub mod skyline;
@@ -27,9 +28,10 @@ use crate::{
     statistics::{NORMAL_95, VarianceComponent, chi_squared_survival},
 };
 
+use layout::{Ingredients, Layout, components_of};
 pub use model::{CAMERA, CameraVector, GroupState, SceneModel, ViewState};
 pub use problem::State;
-use problem::{Ingredients, Layout, Problem, Reduced, STIFF};
+use problem::{Problem, Reduced, STIFF};
 pub use skyline::SkylineCholesky;
 pub use tracks::{KINDS, Kind, Observation, Track};
 
@@ -270,7 +272,7 @@ pub fn adjust(
             let unexplained = if options.attitude_sigma_rad.is_some() { disagreement(agreement) } else { 1.0 };
             let nonlinear = profile_widening(&problem, &out.state, out.cost, &factor, &options.lm);
             let widened = student * unexplained * nonlinear * nonlinear;
-            let origin_of = problem::components_of(group_of_view.len(), tracks);
+            let origin_of = components_of(group_of_view.len(), tracks);
             return Ok(Bundle {
                 scene,
                 covariance: solution.camera_covariance() * widened,
