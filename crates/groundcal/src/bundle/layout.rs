@@ -46,7 +46,7 @@ pub(super) struct Cluster {
     pub(super) occupied: Vec<Vec<usize>>,
 }
 
-/// What a [`Problem`] is made of.
+/// What a [`super::problem::Problem`] is made of.
 pub struct Ingredients<'a> {
     /// Floor or directions.
     pub scene: SceneModel,
