@@ -291,6 +291,13 @@ pub enum Warning {
         /// Standard deviation of each attitude that the error bars allow for, degrees.
         sigma_deg: f64,
     },
+    /// Planes shared by views of different attitudes are mostly not the floor of both.
+    FloorsContradict {
+        /// Pairs whose plane is the floor of both.
+        agree: usize,
+        /// Pairs whose plane cannot be.
+        contradict: usize,
+    },
     /// All horizons are parallel: roll was never varied.
     ParallelHorizons {
         /// Largest difference of roll in degrees.
@@ -413,6 +420,15 @@ impl Warning {
                             d.direction[0], d.direction[1], d.sigma_px, d.f_percent
                         ),
                     }
+                ),
+            ),
+            Warning::FloorsContradict { agree, contradict } => (
+                "floors_contradict",
+                format!(
+                    "{contradict} pairs of images of different attitudes share a plane that cannot be the floor of both, {agree} one that \
+                     can: the motions found may be a coincidence among views that tilt freely, and the camera wrong by more than its \
+                     error bars. Name the true motions with --pairs, or take them again without tilting the camera between the two \
+                     images"
                 ),
             ),
             Warning::MotionStrays { from, to, apart_deg, sigma_deg } => (

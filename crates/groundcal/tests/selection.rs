@@ -69,12 +69,15 @@ fn general_motion_is_refused_or_covered_by_its_error_bar() {
             let names: Vec<String> = (0..count).map(|i| i.to_string()).collect();
             let c = calibrate_matches(&names, size, &pairs, &Options::default(), &Silent).ok()?;
             let sigma = c.standard_deviation.fx.expect("estimated");
-            ((c.camera.fx - F).abs() > 3.0 * sigma).then(|| format!("seed {seed}: {} +- {sigma}", c.camera.fx))
+            let codes: Vec<&str> = c.warnings.iter().map(|w| w.code).collect();
+            let flagged = codes.contains(&"floors_contradict");
+            ((c.camera.fx - F).abs() > 3.0 * sigma && !flagged)
+                .then(|| format!("seed {seed}: {} +- {sigma} {codes:?}", c.camera.fx))
         })
         .collect();
-    println!("{} of {trials} general sets passed for motions with a wrong camera: {wrong:?}", wrong.len());
-    // Coincidence is let through at odds of one to twenty.
-    assert!(wrong.len() as u64 * 20 <= trials, "{wrong:?}");
+    println!("{} of {trials} general sets passed for motions with a wrong camera and no warning: {wrong:?}", wrong.len());
+    // Coincidence is let through at odds of one to twenty, and then contradicted by the planes the views share.
+    assert!(wrong.len() as u64 * 40 <= trials, "{wrong:?}");
 }
 
 #[test]

@@ -52,6 +52,16 @@ const MAX_TIE_POINT_VARIANCE: f64 = 3.0;
 /// Variance of the residuals under rotations, in units of the matching noise, that no real lens and distant scene come near.
 const MAX_ROTATION_VARIANCE: f64 = 100.0;
 
+/// Deviation of such a homography from which on it contradicts the two attitudes.
+const CONTRADICTION: f64 = 0.1;
+
+/// Pairs of views of different attitudes with a common plane: whether it can be the floor of both.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct SharedFloors {
+    pub(super) agree: usize,
+    pub(super) contradict: usize,
+}
+
 /// A refined calibration with the images its views are.
 pub(super) struct Joint {
     pub(super) bundle: Bundle,
@@ -61,6 +71,8 @@ pub(super) struct Joint {
     pub(super) attitude_of_group: Vec<usize>,
     /// Pairs that tie views of different attitudes.
     pub(super) ties: Vec<usize>,
+    /// What planes shared by views of different attitudes say of them.
+    pub(super) floors: SharedFloors,
     /// Camera matrix in pixels.
     pub(super) intrinsics: Intrinsics,
     /// Lens.
@@ -87,6 +99,7 @@ impl Joint {
             covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
             images,
             ties: Vec::new(),
+            floors: SharedFloors::default(),
             attitude_of_group: Vec::new(),
             bundle,
         }
@@ -250,7 +263,8 @@ impl Pipeline<'_> {
             return Ok(Some(joint));
         }
         // Views of different attitudes that see the same floor, tied by their ordinary matches.
-        let ties = self.ties(pairs, results, &used, &joint);
+        let (ties, floors) = self.ties(pairs, results, &used, &joint);
+        joint.floors = floors;
         if ties.is_empty() {
             return Ok(Some(joint));
         }
@@ -276,31 +290,41 @@ impl Pipeline<'_> {
         if raised(Kind::Patch) > MAX_TIE_VARIANCE || raised(Kind::Point) > MAX_TIE_POINT_VARIANCE {
             return Ok(Some(joint));
         }
-        (tied.ties, tied.attitude_of_group) = (ties, joint.attitude_of_group);
+        (tied.ties, tied.attitude_of_group, tied.floors) = (ties, joint.attitude_of_group, joint.floors);
         Ok(Some(tied))
     }
 
     /// Pairs of views of different attitudes whose homographies are of the floor that both look at.
-    fn ties(&self, pairs: &[ImagePair], results: &[PairResult], used: &[usize], joint: &Joint) -> Vec<usize> {
+    fn ties(
+        &self,
+        pairs: &[ImagePair],
+        results: &[PairResult],
+        used: &[usize],
+        joint: &Joint,
+    ) -> (Vec<usize>, SharedFloors) {
         let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
         let view = |image: usize| joint.images.binary_search(&image).ok();
         let group = |v: usize| joint.bundle.state.views[v].group;
         let attitude = |v: usize| &joint.bundle.state.groups[group(v)].attitude;
-        let mut found: Vec<(usize, usize)> = (0..pairs.len())
+        let candidates: Vec<(usize, usize, f64)> = (0..pairs.len())
             .filter(|i| !used.contains(i))
             .filter_map(|i| {
                 let (a, b) = (view(pairs[i].from)?, view(pairs[i].to)?);
                 let robust = results[i].robust().filter(|r| !r.is_static && r.inliers.len() >= MIN_TIE_MATCHES)?;
                 let m = k_inverse * robust.estimate.h_b_from_a.matrix() * k;
                 let deviation = floor_deviation(&m, [attitude(a), attitude(b)])?;
-                (group(a) != group(b) && deviation < MAX_TIE_DEVIATION).then_some((i, robust.inliers.len()))
+                (group(a) != group(b)).then_some((i, robust.inliers.len(), deviation))
             })
             .collect();
+        let contradictions = candidates.iter().filter(|c| c.2 > CONTRADICTION).count();
+        let mut found: Vec<(usize, usize)> =
+            candidates.iter().filter(|c| c.2 < MAX_TIE_DEVIATION).map(|c| (c.0, c.1)).collect();
+        let floors = SharedFloors { agree: found.len(), contradict: contradictions };
         found.sort_by_key(|(i, matches)| (std::cmp::Reverse(*matches), *i));
         found.truncate(TIES_PER_VIEW * joint.images.len());
         let mut ties: Vec<usize> = found.into_iter().map(|(i, _)| i).collect();
         ties.sort_unstable();
-        ties
+        (ties, floors)
     }
 
     /// Refines from starts.

@@ -169,6 +169,10 @@ impl Pipeline<'_> {
         self.add_warnings(&mut warnings, solution, &attitudes, used.len());
         if let Some(joint) = joint {
             warnings.extend(self.straying_motions(pairs, used, joint));
+            let floors = joint.floors;
+            if floors.contradict >= 2 && floors.contradict > floors.agree {
+                warnings.push(Warning::FloorsContradict { agree: floors.agree, contradict: floors.contradict });
+            }
         }
         let motion_reports = self.motion_reports(pairs, results, &concluded, &attitudes);
         let reports = solution
