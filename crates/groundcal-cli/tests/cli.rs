@@ -534,9 +534,7 @@ fn matches_and_tracks_of_the_same_points_give_the_same_camera() {
         let sigma = number(&matches, &format!("/standard_deviation/{parameter}"));
         println!("{parameter}: {here}, {there} from the rows backwards, truth {truth}, sd {sigma}");
         assert!((here - truth).abs() < 4.0 * sigma, "{parameter}: {here} +- {sigma}, truth {truth}");
-        // The first image of a pair has the grid of patches: in the other order it is other patches, with noise of their own,
-        // of the same two pictures.
-        assert!((here - there).abs() < sigma, "{parameter}: {here} +- {sigma}, {there} from the rows backwards");
+        assert!((here - there).abs() < 0.3 * sigma, "{parameter}: {here} +- {sigma}, {there} from the rows backwards");
     }
 }
 

@@ -163,11 +163,6 @@ impl Problem {
         self.seen.len()
     }
 
-    /// Views that are the unit of length of what is connected to them.
-    pub fn origins(&self) -> &[usize] {
-        &self.origins
-    }
-
     fn projector(&self, state: &State) -> Projector {
         Projector::new(&state.camera, self.tangential)
     }

@@ -35,11 +35,6 @@ impl Skyline {
         self.first.len()
     }
 
-    /// Stored entries.
-    pub fn stored(&self) -> usize {
-        self.values.len()
-    }
-
     fn row(&self, i: usize) -> &[f64] {
         &self.values[self.start[i]..self.start[i + 1]]
     }
@@ -54,11 +49,6 @@ impl Skyline {
     pub fn add(&mut self, i: usize, j: usize, value: f64) {
         let at = self.index(i, j);
         self.values[at] += value;
-    }
-
-    /// An entry of the diagonal.
-    pub fn diagonal(&self, i: usize) -> f64 {
-        self.values[self.start[i + 1] - 1]
     }
 
     /// A x.
