@@ -234,6 +234,9 @@ pub enum MethodArg {
     Joint,
     /// The closed form of Knight, Zisserman & Reid (2003) and maximum likelihood of its circular points, each motion by itself
     Linear,
+    /// All pairs taken for rotations about the optical centre (Hartley 1994): a pan-tilt camera on the spot, no floor needed. Wrong
+    /// for a camera that moves; `joint` recognises cameras that turn on the spot by itself
+    Rotating,
 }
 
 impl From<MethodArg> for Method {
@@ -241,6 +244,7 @@ impl From<MethodArg> for Method {
         match value {
             MethodArg::Joint => Method::Joint,
             MethodArg::Linear => Method::Linear,
+            MethodArg::Rotating => Method::Rotating,
         }
     }
 }
