@@ -3,7 +3,10 @@
 pub mod bound;
 mod noise;
 pub mod points;
+pub mod radial_study;
 pub mod render;
 pub mod scene;
 pub mod study;
+pub mod subset_study;
 mod texture;
+pub mod transfer_study;
