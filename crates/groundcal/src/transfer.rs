@@ -6,8 +6,8 @@
 //! ```
 //!
 //! The other views need not be turned about the plane's normal: they only have to see the plane, at attitudes of their own. One good
-//! turn is enough. Its error, though, is in every equation; motions of their own have independent ones (see
-//! [`crate::synthetic::transfer_study`] for when which is better). The joint refinement uses both.
+//! turn is enough, and with an exact axis it does as well as a turn at each attitude or better. An axis off the normal, though, is believed
+//! in every view, where motions of their own are hardly harmed ([`crate::synthetic::transfer_study`]). The joint refinement uses both.
 
 use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector4};
 

@@ -8,7 +8,7 @@ use groundcal::{
     bundle::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     camera::parameters_in_frame,
-    correspondence::{ImagePair, PointMatch},
+    correspondence::ImagePair,
     distortion::Distortion,
     error::Error,
     frame::Frame,
@@ -18,10 +18,10 @@ use groundcal::{
     result::Calibration,
     synthetic::{
         bound::{HeightModel, cramer_rao_bound},
-        points::{MotionSpec, PointScene},
+        points::{MotionSpec, PointScene, turning_pairs},
     },
 };
-use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix3, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -34,52 +34,6 @@ fn names(count: usize) -> Vec<String> {
 fn calibrate(scene: &PointScene, options: &Options) -> Result<Calibration, Error> {
     let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
     calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, options, &Silent)
-}
-
-/// Matches of all pairs of views that turn on the spot before points in all directions.
-fn turning_pairs(
-    rotations: &[Matrix3<f64>],
-    k: &Intrinsics,
-    lens: &Distortion,
-    size: ImageSize,
-    count: usize,
-    sigma_px: f64,
-    seed: u64,
-) -> Vec<ImagePair> {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let normal = |rng: &mut Pcg64Mcg| -> f64 { StandardNormal.sample(rng) };
-    let directions: Vec<Vector3<f64>> =
-        (0..count).map(|_| Vector3::from_fn(|_, _| normal(&mut rng)).normalize()).collect();
-    let inside = |p: &Vector2<f64>| {
-        p.x >= 0.0 && p.y >= 0.0 && p.x <= size.width as f64 - 1.0 && p.y <= size.height as f64 - 1.0
-    };
-    let views: Vec<Vec<Option<Vector2<f64>>>> = rotations
-        .iter()
-        .map(|r| {
-            directions
-                .iter()
-                .map(|d| {
-                    let x = r * d;
-                    let n = Vector2::new(x.x / x.z, x.y / x.z);
-                    let noise = Vector2::new(normal(&mut rng), normal(&mut rng)) * sigma_px;
-                    let p = k.pixel_from_normalised(&lens.distort(&n)) + noise;
-                    (x.z > 0.2 && inside(&p)).then_some(p)
-                })
-                .collect()
-        })
-        .collect();
-    let mut pairs = Vec::new();
-    for from in 0..views.len() {
-        for to in from + 1..views.len() {
-            let both = views[from].iter().zip(&views[to]);
-            let matches: Vec<PointMatch> =
-                both.filter_map(|(a, b)| Some(PointMatch { a: (*a)?, b: (*b)?, sigma_px: 1.0 })).collect();
-            if matches.len() >= 20 {
-                pairs.push(ImagePair { from, to, matches });
-            }
-        }
-    }
-    pairs
 }
 
 #[test]

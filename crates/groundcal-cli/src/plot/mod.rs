@@ -119,7 +119,7 @@ const LABEL_SIZE: f64 = 14.0;
 const TITLE_SIZE: f64 = 17.0;
 const NOTE_SIZE: f64 = 12.0;
 /// Per cent: the plot shows nothing above, and curves that touch this floor (exact answers) are not drawn there.
-const TOP_LIMIT: f64 = 100.0;
+const TOP_LIMIT: f64 = 200.0;
 const FLOOR: f64 = 1e-4;
 
 /// A linear or logarithmic axis.

@@ -199,20 +199,20 @@ fn radial(count: u32, seed: u64) -> Result<Output, CliError> {
 }
 
 fn transfer(count: u32, seed: u64) -> Result<Output, CliError> {
-    use transfer_study::{ATTITUDES, EQUAL_TURN_DEG, MATCHES, Method, Setup, trial};
+    use transfer_study::{AXIS_ERRORS_DEG, EQUAL_TURN_DEG, MATCHES, Method, Setup, trial};
     let turning = |m| TURNS_DEG.iter().map(move |&turn| (turn, Setup::turning(turn, m))).collect::<Vec<_>>();
-    let many = |m| ATTITUDES.iter().map(move |&n| (n as f64, Setup::with_attitudes(n, m))).collect::<Vec<_>>();
+    let stray = |m| AXIS_ERRORS_DEG.iter().map(move |&e| (e, Setup::off_axis(e, m))).collect::<Vec<_>>();
     let panels: Vec<(&str, Vec<(f64, Setup)>)> = MATCHES
         .iter()
         .map(|&m| ("turn_deg", turning(m)))
-        .chain(MATCHES.iter().map(|&m| ("attitudes", many(m))))
+        .chain(MATCHES.iter().map(|&m| ("axis_error_deg", stray(m))))
         .collect();
     let points = panels.iter().map(|p| p.1.len()).sum::<usize>();
     let bar = progress_bar("transfer", points as u64 * u64::from(count));
     let mut records = Vec::new();
     let mut page = format!(
         "transfer: median |error| of fx in % over {count} trials (failures in brackets)\n{:>8}{:>11}{:>10}{:>10}",
-        "matches", "attitudes", "1st turn", "others"
+        "matches", "axis error", "1st turn", "others"
     );
     for method in Method::ALL {
         let _ = write!(page, "{:>18}", method.name());
@@ -230,14 +230,14 @@ fn transfer(count: u32, seed: u64) -> Result<Output, CliError> {
             styles.iter().map(|&style| Curve { style, points: Vec::new(), band: Vec::new() }).collect();
         for (x, setup) in setups {
             let outcomes = trials(count, &bar, |i| trial(setup, seed, i));
-            let Setup { first_turn_deg, turn_deg, attitudes, matches } = *setup;
-            let _ = write!(page, "{matches:>8}{attitudes:>11}{first_turn_deg:>10}{turn_deg:>10}");
+            let Setup { first_turn_deg, turn_deg, axis_error_deg, matches } = *setup;
+            let _ = write!(page, "{matches:>8}{axis_error_deg:>11}{first_turn_deg:>10}{turn_deg:>10}");
             for (m, method) in Method::ALL.iter().enumerate() {
                 // A bound is a deviation: the median error of an estimator at it.
                 let unit = if *method == Method::Bound { super::HALF_NORMAL_MEDIAN } else { 1.0 };
                 let s = spread(&outcomes.iter().map(|o| o[m].map(|e| unit * e)).collect::<Vec<_>>());
                 let mut record = vec!["transfer".into(), varied.to_string(), number(first_turn_deg), number(turn_deg)];
-                record.extend([attitudes.to_string(), matches.to_string(), method.name().into()]);
+                record.extend([number(axis_error_deg), matches.to_string(), method.name().into()]);
                 record.extend(spread_record(&s));
                 records.push(record);
                 let failures = if s.failures > 0 { format!(" ({})", s.failures) } else { String::new() };
@@ -252,19 +252,19 @@ fn transfer(count: u32, seed: u64) -> Result<Output, CliError> {
         let matches = setups.first().map_or(0, |s| s.1.matches);
         let title = match *varied {
             "turn_deg" => format!("others turn by x degrees; {matches} matches"),
-            _ => format!("x attitudes, all turns {EQUAL_TURN_DEG} degrees; {matches} matches"),
+            _ => format!("axes x degrees off, turns of {EQUAL_TURN_DEG}; {matches} matches"),
         };
         drawn.push(Panel { title, curves });
     }
     bar.finish_and_clear();
     page.push('\n');
-    let head = ["study", "varied", "first_turn_deg", "turn_deg", "attitudes", "matches", "method"];
+    let head = ["study", "varied", "first_turn_deg", "turn_deg", "axis_error_deg", "matches", "method"];
     let columns = [&head[..], &SPREAD].concat();
     Ok(Output {
         table: csv_table(&columns, &records)?,
         figure: Figure {
             title: "One motion transferred, or motions of their own".into(),
-            x_label: "x".into(),
+            x_label: "x, degrees".into(),
             y_label: "error of fx, %".into(),
             x_log: true,
             rows: pairs(drawn),
@@ -280,9 +280,11 @@ fn transfer(count: u32, seed: u64) -> Result<Output, CliError> {
                 .collect(),
             notes: vec![
                 format!(
-                    "Upper row: three attitudes, the first motion turns by {FIRST_TURN_DEG} degrees. Median of |error| over"
+                    "Upper row: the first motion turns by {FIRST_TURN_DEG} degrees. Zero skew, three attitudes. Median of |error|"
                 ),
-                format!("{count} trials, a failure counting as infinite; bands: quartiles. Zero skew."),
+                format!(
+                    "over {count} trials, a failure counting as infinite; bands: quartiles. The bound knows the axes."
+                ),
             ],
         },
         page,

@@ -294,7 +294,9 @@ pub(super) fn settle(start: Lens, solve: impl Fn(&Lens) -> Result<Intrinsics, Er
             slope = ((output - last_output) / (input - last_input)).clamp(-3.0, 0.95);
         }
         last = Some((input, output));
-        last_change = (output - input).abs();
+        let k = &lens.intrinsics;
+        let shift = (solved.cx - k.cx).abs().max((solved.cy - k.cy).abs()) / k.fx;
+        last_change = (output - input).abs().max(shift);
         // Newton on output(input) - input, not more than a factor of two at once.
         let step = ((output - input) / (1.0 - slope)).clamp(-0.7, 0.7);
         let factor = (input + step - output).exp();

@@ -6,6 +6,8 @@
 //!
 //! Nothing is refined jointly. [`super::turning`] does that for cameras that it recognises, and is the better estimate.
 
+use std::collections::HashMap;
+
 use nalgebra::SMatrix;
 
 use super::{
@@ -86,7 +88,7 @@ impl Pipeline<'_> {
                 widened: found.variance_inflation.sqrt(),
             });
         }
-        let solution = self.as_camera(&found, &added);
+        let solution = self.as_camera(&found, shared_noise(pairs, results, &used), &added);
         let lens_share = (added[(0, 0)] / solution.covariance_px[(0, 0)]).sqrt();
         let chosen = Chosen { motions: Vec::new(), verdicts: Vec::new() };
         let concluded = Concluded { solution, joint: None, lens_share, chosen, used: used.clone() };
@@ -184,10 +186,10 @@ impl Pipeline<'_> {
         Ok((self.homographies(pairs, Some(&lens)), lens, amplification))
     }
 
-    fn as_camera(&self, found: &RotatingSolution, added: &SMatrix<f64, 5, 5>) -> CameraSolution {
+    fn as_camera(&self, found: &RotatingSolution, shared: f64, added: &SMatrix<f64, 5, 5>) -> CameraSolution {
         CameraSolution {
             intrinsics: found.intrinsics,
-            covariance_px: found.covariance_px + added,
+            covariance_px: found.covariance_px * shared + added,
             estimated: found.estimated,
             priors: Vec::new(),
             groups: Vec::new(),
@@ -199,4 +201,24 @@ impl Pipeline<'_> {
             variance_inflation: 1.0,
         }
     }
+}
+
+/// Factor on the covariance of pairs taken for independent although points of an image are in several of them.
+///
+/// All differences of n values with independent noise carry (n/2) times the information of the values when they count as
+/// independent (their Laplacian is n I - J, each difference having twice the variance): for a point seen in m pairs, (m + 1) / 2.
+fn shared_noise(pairs: &[ImagePair], results: &[PairResult], used: &[usize]) -> f64 {
+    let mut seen: HashMap<(usize, u64, u64), usize> = HashMap::new();
+    for &i in used {
+        let pair = &pairs[i];
+        for &k in results[i].inliers() {
+            let m = &pair.matches[k];
+            for (image, p) in [(pair.from, m.a), (pair.to, m.b)] {
+                *seen.entry((image, p.x.to_bits(), p.y.to_bits())).or_default() += 1;
+            }
+        }
+    }
+    // Mean over observations, so that a point in m pairs counts m times.
+    let (all, weighted) = seen.values().fold((0usize, 0usize), |(a, w), m| (a + m, w + m * m));
+    if all == 0 { 1.0 } else { 0.5 * (weighted as f64 / all as f64 + 1.0) }
 }

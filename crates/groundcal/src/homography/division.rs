@@ -16,7 +16,7 @@
 //! minimise over H_m, λ, x̂_i:   Σ ( |a_i - x̂_i|² + |b_i - d(H_m u(x̂_i))|² ) / σ_i²,      d(u) = 2 u / (1 + √(1 - 4 λ |u|²)) = u⁻¹
 //! ```
 //!
-//! the points x̂ eliminated as in [`super::refine`]. To first order λ = k1 (s / f)² for a frame of scale s px: a small k1 of
+//! the points x̂ eliminated as in [`mod@super::refine`]. To first order λ = k1 (s / f)² for a frame of scale s px: a small k1 of
 //! Brown-Conrady bends as much.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
@@ -100,6 +100,8 @@ pub struct DivisionHomography {
 
 /// Real eigenvalues are those with less imaginary part than this, relative to their size.
 const REAL: f64 = 1e-6;
+/// Smallest over largest singular value of the equations of exact matches: rounding.
+const EXACT: f64 = 1e-13;
 /// Most that 1 + λ |x|² is in an image: a pincushion lens that halves distances at the corner. At λ = ∞ any points agree.
 const MAX_DENOMINATOR: f64 = 2.0;
 /// About which λ the eigenvalue problem is expanded: one that no lens has, since its matrix must be invertible.
@@ -131,6 +133,21 @@ pub fn division_closed_form(matches: &[PointMatch], frame: &Frame) -> Option<Div
         }
     }
     let at = |lambda: f64| &parts[0] + &parts[1] * lambda + &parts[2] * (lambda * lambda);
+    // The homography and algebraic residual that belong to a λ.
+    let with = |lambda: f64| -> Option<(f64, DivisionHomography)> {
+        let (d, model) = (at(lambda), DivisionModel { lambda });
+        let (values, vectors) = symmetric_eigen(&(d.transpose() * &d))?;
+        let h = matrix_from_rows(&SVector::<f64, 9>::from_fn(|i, _| vectors[(i, 0)]));
+        Some((values[0].max(0.0) / values.sum(), DivisionHomography { in_frame: facing(&h, &local, &model), model }))
+    };
+    // A null vector of D₁ is one of D₁ᵀ D(λ) from the left whatever λ is: no lens has to be told beforehand.
+    if !parts[0].iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let singular = nalgebra::linalg::SVD::try_new(parts[0].clone(), false, false, f64::EPSILON, 1000)?.singular_values;
+    if singular.min() < EXACT * singular.max() {
+        return Some(with(0.0)?.1);
+    }
     let left = parts[0].transpose();
     // D₁ᵀ D(λ) about λ₀: with μ = 1 / (λ - λ₀) the problem is μ² Q₀ + μ Q₁ + Q₂ = 0, Q₀ invertible.
     let q0 = &left * at(EXPANSION);
@@ -153,16 +170,13 @@ pub fn division_closed_form(matches: &[PointMatch], frame: &Frame) -> Option<Div
         if mu.re.abs() < 1e-9 || mu.im.abs() > REAL * mu.re.abs() {
             continue;
         }
-        let model = DivisionModel { lambda: EXPANSION + 1.0 / mu.re };
-        if !in_range(model.lambda) {
+        let lambda = EXPANSION + 1.0 / mu.re;
+        if !in_range(lambda) {
             continue;
         }
-        let d = at(model.lambda);
-        let (values, vectors) = symmetric_eigen(&(d.transpose() * &d))?;
-        let residual = values[0].max(0.0) / values.sum();
-        if best.as_ref().is_none_or(|b| residual < b.0) {
-            let h = matrix_from_rows(&SVector::<f64, 9>::from_fn(|i, _| vectors[(i, 0)]));
-            best = Some((residual, DivisionHomography { in_frame: facing(&h, &local, &model), model }));
+        let candidate = with(lambda)?;
+        if best.as_ref().is_none_or(|b| candidate.0 < b.0) {
+            best = Some(candidate);
         }
     }
     best.map(|(_, found)| found)
@@ -417,7 +431,8 @@ mod tests {
                 let (frame, motions, scene) = distorted(lambda, count, 0.0, 3);
                 for (i, matches) in motions.iter().enumerate() {
                     let truth = scene.homography(i).expect("a motion").in_frame(&frame);
-                    let closed = division_closed_form(matches, &frame).expect("a real solution");
+                    let closed = division_closed_form(matches, &frame);
+                    let closed = closed.unwrap_or_else(|| panic!("no real solution: {count} matches, {lambda}"));
                     let error = (closed.model.lambda - lambda).abs();
                     assert!(error < 1e-8, "closed form, {count} matches, {lambda}: {error:e}");
                     let error = (closed.in_frame - truth).norm();

@@ -1,6 +1,6 @@
 //! Point scenes: matches of floor points between the two views of plane-normal motions, with noise, outliers and truth.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -191,4 +191,51 @@ impl PointScene {
         }
         out
     }
+}
+
+/// Matches of all pairs of views that turn on the spot before `count` points in all directions: `rotations` take the world's axes to
+/// each camera's. Pairs of fewer than 20 matches are left out.
+pub fn turning_pairs(
+    rotations: &[Matrix3<f64>],
+    k: &Intrinsics,
+    lens: &Distortion,
+    size: ImageSize,
+    count: usize,
+    sigma_px: f64,
+    seed: u64,
+) -> Vec<ImagePair> {
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let normal = |rng: &mut Pcg64Mcg| -> f64 { StandardNormal.sample(rng) };
+    let directions: Vec<Vector3<f64>> =
+        (0..count).map(|_| Vector3::from_fn(|_, _| normal(&mut rng)).normalize()).collect();
+    let inside = |p: &Vector2<f64>| {
+        p.x >= 0.0 && p.y >= 0.0 && p.x <= size.width as f64 - 1.0 && p.y <= size.height as f64 - 1.0
+    };
+    let views: Vec<Vec<Option<Vector2<f64>>>> = rotations
+        .iter()
+        .map(|r| {
+            directions
+                .iter()
+                .map(|d| {
+                    let x = r * d;
+                    let n = Vector2::new(x.x / x.z, x.y / x.z);
+                    let noise = Vector2::new(normal(&mut rng), normal(&mut rng)) * sigma_px;
+                    let p = k.pixel_from_normalised(&lens.distort(&n)) + noise;
+                    (x.z > 0.2 && inside(&p)).then_some(p)
+                })
+                .collect()
+        })
+        .collect();
+    let mut pairs = Vec::new();
+    for from in 0..views.len() {
+        for to in from + 1..views.len() {
+            let both = views[from].iter().zip(&views[to]);
+            let matches: Vec<PointMatch> =
+                both.filter_map(|(a, b)| Some(PointMatch { a: (*a)?, b: (*b)?, sigma_px: 1.0 })).collect();
+            if matches.len() >= 20 {
+                pairs.push(ImagePair { from, to, matches });
+            }
+        }
+    }
+    pairs
 }
