@@ -186,12 +186,18 @@ pub enum StudyArg {
     Angle,
     /// Angle between rotation axis and floor normal, 0 to 10 degrees
     Axis,
-    /// All five
+    /// Radial distortion of one parameter, by noise 0 to 1 px: bias of the closed form and of minimising
+    Radial,
+    /// One motion carried into other views against motions of their own, turning by 1 to 45 degrees
+    Transfer,
+    /// All subsets of 2, 3, 4 and 6 out of twelve motions: predicted and true errors
+    Subsets,
+    /// All eight
     All,
 }
 
 impl StudyArg {
-    /// The studies meant.
+    /// Those of the paper's figure 4 that are meant.
     pub fn studies(self) -> Vec<Study> {
         match self {
             StudyArg::Noise => vec![Study::Noise],
@@ -199,7 +205,19 @@ impl StudyArg {
             StudyArg::Motions => vec![Study::Motions],
             StudyArg::Angle => vec![Study::Angle],
             StudyArg::Axis => vec![Study::Axis],
+            StudyArg::Radial | StudyArg::Transfer | StudyArg::Subsets => Vec::new(),
             StudyArg::All => Study::ALL.to_vec(),
+        }
+    }
+
+    /// Its name on the command line.
+    pub fn name(self) -> Option<&'static str> {
+        match self {
+            StudyArg::Radial => Some("radial"),
+            StudyArg::Transfer => Some("transfer"),
+            StudyArg::Subsets => Some("subsets"),
+            StudyArg::All => None,
+            five => five.studies().first().map(|s| s.name()),
         }
     }
 }
@@ -234,6 +252,9 @@ pub enum MethodArg {
     Joint,
     /// The closed form of Knight, Zisserman & Reid (2003) and maximum likelihood of its circular points, each motion by itself
     Linear,
+    /// All pairs taken for rotations about the optical centre (Hartley 1994): a pan-tilt camera on the spot, no floor needed. Wrong
+    /// for a camera that moves; `joint` recognises cameras that turn on the spot by itself
+    Rotating,
 }
 
 impl From<MethodArg> for Method {
@@ -241,6 +262,7 @@ impl From<MethodArg> for Method {
         match value {
             MethodArg::Joint => Method::Joint,
             MethodArg::Linear => Method::Linear,
+            MethodArg::Rotating => Method::Rotating,
         }
     }
 }

@@ -14,6 +14,8 @@
 //! | [`attitude_groups`], [`motions`] | motions of one attitude; which pairs are plane-normal motions |
 //! | [`absolute_conic`], [`camera`] | constraints, rank, weighted solution; camera matrix in pixels |
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
+//! | [`subsets`] | cameras of all minimal sets of motions, ranked |
+//! | [`transfer`] | one motion's circular points carried into other views |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
 //! | [`floor`], [`resample`] | pixels and points of the floor, with the lens; pictures through such maps |
@@ -48,4 +50,6 @@ pub mod resample;
 pub mod result;
 pub mod rotating;
 pub mod statistics;
+pub mod subsets;
 pub mod synthetic;
+pub mod transfer;

@@ -22,7 +22,8 @@ pub struct Calibration {
     pub covariance: Covariance,
     /// Name of the constraint.
     pub constraint: String,
-    /// Method of estimation: `joint` (everything refined together) or `linear` (Knight, Zisserman & Reid 2003, weighted).
+    /// Method of estimation: `joint` (everything refined together), `linear` (Knight, Zisserman & Reid 2003, weighted) or
+    /// `rotating` (Hartley 1994, weighted).
     pub method: &'static str,
     /// What the points were taken for: `floor`, or `directions` (a camera turning on the spot before a scene far away); `None`
     /// for the linear method.
@@ -332,6 +333,15 @@ pub enum Warning {
         /// Factor by which the standard deviations were widened.
         widened: f64,
     },
+    /// Homographies taken for rotations about the optical centre are further from it than their noise.
+    NotRotations {
+        /// Sum of squared normalised residuals.
+        chi_squared: f64,
+        /// Its degrees of freedom.
+        degrees_of_freedom: usize,
+        /// Factor by which the standard deviations were widened.
+        widened: f64,
+    },
     /// A prior, not the images, decided a parameter.
     PriorDecides {
         /// The parameter.
@@ -472,6 +482,15 @@ impl Warning {
                     "the motions disagree on one camera by more than their noise (chi-squared {chi_squared:.1} for {degrees_of_freedom} \
                      degrees of freedom); standard deviations were widened by {widened:.1}. Likely causes: lens distortion, an axis off \
                      the floor's normal (see --attitude-sigma-deg), or a wrong pair"
+                ),
+            ),
+            Warning::NotRotations { chi_squared, degrees_of_freedom, widened } => (
+                "not_rotations",
+                format!(
+                    "the pairs are further from rotations about the optical centre than their noise (chi-squared {chi_squared:.1} for \
+                     {degrees_of_freedom} degrees of freedom); standard deviations were widened by {widened:.1}, which does not cover the \
+                     bias of a camera that moved between its images. Over a floor use the joint method (the default); on the spot, \
+                     model the lens (--distortion auto)"
                 ),
             ),
             Warning::PriorDecides { parameter, posterior_over_prior } => (

@@ -31,6 +31,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     let [width, height] = c.camera.image_size;
     let method = match c.method {
         "joint" => "joint refinement",
+        "rotating" => "rotating camera, covariance-weighted",
         _ => "linear, covariance-weighted",
     };
     two(w, ("Images:", format!("{images}, {width} x {height} px")), ("Method:", method.into()))?;

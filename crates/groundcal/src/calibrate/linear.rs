@@ -71,10 +71,10 @@ impl Chosen {
 }
 
 pub(super) struct Settled {
-    intrinsics: Intrinsics,
+    pub(super) intrinsics: Intrinsics,
     /// d ln f / d ln(f of the noise alone): the given coefficients pull the answer along with the focal length.
-    amplification: f64,
-    last_change: f64,
+    pub(super) amplification: f64,
+    pub(super) last_change: f64,
 }
 
 impl Pipeline<'_> {
@@ -92,6 +92,9 @@ impl Pipeline<'_> {
                 given: given[0].matches.len(),
                 found: only.matches.len(),
             });
+        }
+        if self.options.method == Method::Rotating {
+            return self.run_rotating(pairs, warnings);
         }
         let trusted = self.options.pairs.is_some();
         if self.options.distortion.is_none() {
@@ -127,14 +130,14 @@ impl Pipeline<'_> {
         for _ in 0..2 {
             let results = self.homographies(&pairs, Some(&lens));
             let used = self.select(&results, &pairs, trusted)?.used();
-            let settled = self.settle(&pairs, &results, &used, lens)?;
+            let settled = settle(lens, |lens| self.intrinsics_with(&pairs, &results, &used, lens))?;
             lens.intrinsics = settled.intrinsics;
             amplification = settled.amplification;
         }
         let results = self.homographies(&pairs, Some(&lens));
         let chosen = self.select(&results, &pairs, trusted)?;
         let (pairs, results) = self.sharpen(pairs, results, &chosen.used(), Some(&lens));
-        let settled = self.settle(&pairs, &results, &chosen.used(), lens)?;
+        let settled = settle(lens, |lens| self.intrinsics_with(&pairs, &results, &chosen.used(), lens))?;
         lens.intrinsics = settled.intrinsics;
         if settled.last_change > 1e-6 {
             warnings.push(Warning::DistortionNotConverged { relative_change: settled.last_change });
@@ -264,38 +267,42 @@ impl Pipeline<'_> {
         solve_camera(&motions, &self.frame(), options)
     }
 
-    /// The camera that, used to undo the given distortion, comes out again: Steffensen's iteration on ln f.
-    fn settle(
+    fn intrinsics_with(
         &self,
         pairs: &[ImagePair],
         results: &[PairResult],
         used: &[usize],
-        start: Lens,
-    ) -> Result<Settled, Error> {
-        let options = self.options.camera(self.size);
-        let mut lens = start;
-        let mut slope: f64 = 0.0;
-        let mut last: Option<(f64, f64)> = None;
-        let mut last_change = f64::INFINITY;
-        for _ in 0..25 {
-            let solved = self.refit_camera(pairs, results, used, &lens, &options)?.intrinsics;
-            let (input, output) = (lens.intrinsics.fx.ln(), solved.fx.ln());
-            if let Some((last_input, last_output)) = last
-                && (input - last_input).abs() > 1e-7
-            {
-                slope = ((output - last_output) / (input - last_input)).clamp(-3.0, 0.95);
-            }
-            last = Some((input, output));
-            last_change = (output - input).abs();
-            // Newton on output(input) - input, not more than a factor of two at once.
-            let step = ((output - input) / (1.0 - slope)).clamp(-0.7, 0.7);
-            let factor = (input + step - output).exp();
-            lens.intrinsics =
-                Intrinsics { fx: solved.fx * factor, fy: solved.fy * factor, skew: solved.skew * factor, ..solved };
-            if last_change < 1e-10 {
-                break;
-            }
-        }
-        Ok(Settled { intrinsics: lens.intrinsics, amplification: (1.0 / (1.0 - slope)).max(1.0), last_change })
+        lens: &Lens,
+    ) -> Result<Intrinsics, Error> {
+        Ok(self.refit_camera(pairs, results, used, lens, &self.options.camera(self.size))?.intrinsics)
     }
+}
+
+/// The camera that, used to undo the given distortion, comes out again: Steffensen's iteration on ln f. `solve` gives the camera
+/// of matches undone by a lens.
+pub(super) fn settle(start: Lens, solve: impl Fn(&Lens) -> Result<Intrinsics, Error>) -> Result<Settled, Error> {
+    let mut lens = start;
+    let mut slope: f64 = 0.0;
+    let mut last: Option<(f64, f64)> = None;
+    let mut last_change = f64::INFINITY;
+    for _ in 0..25 {
+        let solved = solve(&lens)?;
+        let (input, output) = (lens.intrinsics.fx.ln(), solved.fx.ln());
+        if let Some((last_input, last_output)) = last
+            && (input - last_input).abs() > 1e-7
+        {
+            slope = ((output - last_output) / (input - last_input)).clamp(-3.0, 0.95);
+        }
+        last = Some((input, output));
+        last_change = (output - input).abs();
+        // Newton on output(input) - input, not more than a factor of two at once.
+        let step = ((output - input) / (1.0 - slope)).clamp(-0.7, 0.7);
+        let factor = (input + step - output).exp();
+        lens.intrinsics =
+            Intrinsics { fx: solved.fx * factor, fy: solved.fy * factor, skew: solved.skew * factor, ..solved };
+        if last_change < 1e-10 {
+            break;
+        }
+    }
+    Ok(Settled { intrinsics: lens.intrinsics, amplification: (1.0 / (1.0 - slope)).max(1.0), last_change })
 }

@@ -9,6 +9,7 @@ mod linear;
 mod pairs;
 mod patches;
 mod report;
+mod rotating_camera;
 mod turning;
 mod unknown_lens;
 
@@ -38,6 +39,9 @@ pub enum Method {
     /// Joint refinement of camera, lens, attitudes, views and points, from there.
     #[default]
     Joint,
+    /// All homographies taken for rotations about the optical centre ([`crate::rotating`]): a pan-tilt camera on the spot. No
+    /// floor is needed, no axis is assumed; [`Constraint::Auto`] stands for [`Constraint::ZeroSkew`].
+    Rotating,
 }
 
 /// What is estimated of a lens.
@@ -182,6 +186,19 @@ impl Options {
                     "a prior of {name}, which `{}`, the given distortion or the lens model holds: leave one of the two out",
                     self.constraint.name()
                 ));
+            }
+        }
+        if self.method == Method::Rotating {
+            if !self.priors.is_empty() {
+                return fail(
+                    "the rotating-camera method takes no priors: leave them out, or use the joint method".into(),
+                );
+            }
+            if self.attitude_sigma_deg.is_some() || self.height_sigma.is_some() {
+                return fail(
+                    "the rotating-camera method knows no floor: an attitude or height sigma has no meaning there"
+                        .into(),
+                );
             }
         }
         if !(self.robust.max_sigma_px.is_finite() && self.robust.max_sigma_px > 0.0) {
@@ -447,6 +464,9 @@ pub fn calibrate_homographies(
         .collect();
     let (pairs, results): (Vec<_>, Vec<_>) = results.into_iter().unzip();
     let pipeline = Pipeline { names, size, options, observer: &Silent, images: None, min_matches: 0 };
+    if options.method == Method::Rotating {
+        return pipeline.conclude_rotating(&pairs, &results, &report::KnownLens::NotModelled, Vec::new());
+    }
     let chosen = pipeline.select(&results, &pairs, true)?;
     pipeline.conclude(&pairs, &results, chosen, Vec::new(), &report::KnownLens::NotModelled)
 }

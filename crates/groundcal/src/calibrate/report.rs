@@ -3,8 +3,11 @@
 use nalgebra::{Vector2, Vector3};
 
 use super::{
-    HELD_ATTITUDE_SIGMA_DEG, Method, Pipeline, Stage, joint::Joint, linear::Chosen, pairs::PairResult,
-    unknown_lens::LensFinding,
+    HELD_ATTITUDE_SIGMA_DEG, Method, Pipeline, Stage,
+    joint::Joint,
+    linear::Chosen,
+    pairs::PairResult,
+    unknown_lens::{LensFinding, covariance_of_lens},
 };
 use crate::{
     attitude::attitude_from_up,
@@ -103,8 +106,8 @@ impl Pipeline<'_> {
             solution = joint.solution(solution, &joint_options);
             lens_share = joint.share_of_lens().sqrt();
         } else if let KnownLens::Estimated(finding) = known {
-            let added = self.covariance_of_lens(pairs, results, &used, finding, &camera).ok_or_else(|| {
-                Error::Numerical { stage: "lens distortion", detail: "the camera does not follow the lens".into() }
+            let added = covariance_of_lens(finding, |lens| {
+                Ok(self.refit_camera(pairs, results, &used, lens, &camera)?.intrinsics)
             })?;
             solution.covariance_px += added;
             lens_share = (added[(0, 0)] / solution.covariance_px[(0, 0)]).sqrt();

@@ -28,7 +28,7 @@ use crate::{
 };
 
 /// Fewest images: two views of a turn are a plane-normal motion, whatever the axis.
-const MIN_IMAGES: usize = 3;
+pub(super) const MIN_IMAGES: usize = 3;
 /// Largest ‖M Mᵀ - I‖ of a pair's M = K⁻¹ H K that passes for a rotation before distortion and noise are known.
 const MAX_DEVIATION: f64 = 0.1;
 /// Largest variance of the residuals under rotations over that under a homography for each pair.
@@ -56,9 +56,8 @@ impl PairResult {
 }
 
 impl Pipeline<'_> {
-    /// The pairs that one camera turning on the spot explains, if they join three images or more, none of them contradicts a
-    /// third pair, and the joint refinement agrees.
-    pub(super) fn turning(&self, pairs: &[ImagePair], results: &[PairResult], known: &KnownLens) -> Option<Turning> {
+    /// The square-pixel camera that makes rotations of most pairs, and which pairs those are.
+    pub(super) fn nearest_to_rotations(&self, results: &[PairResult]) -> Option<(Intrinsics, Vec<usize>)> {
         let (width, [cx, cy]) =
             (self.size.width as f64, self.options.principal_point_px.unwrap_or(self.size.centre_px()));
         let camera = |i: usize| {
@@ -73,8 +72,14 @@ impl Pipeline<'_> {
         };
         let best = (0..=FOCAL_STEPS).map(camera).min_by(|a, b| score(a).total_cmp(&score(b)))?;
         let fits = |i: &usize| results[*i].deviation_from_rotation(&best).is_some_and(|d| d < MAX_DEVIATION);
-        let seen = (0..results.len()).filter(|&i| results[i].deviation_from_rotation(&best).is_some()).count();
-        let used: Vec<usize> = (0..results.len()).filter(fits).collect();
+        Some((best, (0..results.len()).filter(fits).collect()))
+    }
+
+    /// The pairs that one camera turning on the spot explains, if they join three images or more, none of them contradicts a
+    /// third pair, and the joint refinement agrees.
+    pub(super) fn turning(&self, pairs: &[ImagePair], results: &[PairResult], known: &KnownLens) -> Option<Turning> {
+        let (best, used) = self.nearest_to_rotations(results)?;
+        let seen = results.iter().filter(|r| r.robust().is_some_and(|h| !h.is_static)).count();
         // A floor seen from several places contradicts in most pairs.
         if 2 * used.len() <= seen {
             return None;

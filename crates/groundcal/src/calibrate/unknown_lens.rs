@@ -71,19 +71,7 @@ impl Pipeline<'_> {
         trusted: bool,
         warnings: Vec<Warning>,
     ) -> Result<Calibration, Error> {
-        let mut results = self.homographies(&pairs, None);
-        let mut finding: Option<LensFinding> = None;
-        for _ in 0..2 {
-            let Some(next) = self.lens_of_planes(&pairs, &results, finding.as_ref()) else { break };
-            let significant = next.significant;
-            if significant {
-                results = self.homographies(&pairs, next.lens());
-            }
-            finding = Some(next);
-            if !significant {
-                break;
-            }
-        }
+        let (results, mut finding) = self.homographies_and_lens(&pairs);
         let lens = finding.as_ref().and_then(LensFinding::lens).copied();
         let known = finding.clone().map_or(KnownLens::NotModelled, KnownLens::Estimated);
         let mut chosen = match self.choose(&results, &pairs, trusted, &known)? {
@@ -115,6 +103,24 @@ impl Pipeline<'_> {
         }
         let known = finding.map_or(KnownLens::NotModelled, KnownLens::Estimated);
         self.conclude(&pairs, &results, chosen.refreshed(&results), warnings, &known)
+    }
+
+    /// Homographies of all pairs, and the lens undone in them, from their own residuals.
+    pub(super) fn homographies_and_lens(&self, pairs: &[ImagePair]) -> (Vec<PairResult>, Option<LensFinding>) {
+        let mut results = self.homographies(pairs, None);
+        let mut finding: Option<LensFinding> = None;
+        for _ in 0..2 {
+            let Some(next) = self.lens_of_planes(pairs, &results, finding.as_ref()) else { break };
+            let significant = next.significant;
+            if significant {
+                results = self.homographies(pairs, next.lens());
+            }
+            finding = Some(next);
+            if !significant {
+                break;
+            }
+        }
+        (results, finding)
     }
 
     /// The homography of a pair again under another lens.
@@ -216,32 +222,38 @@ impl Pipeline<'_> {
         };
         estimate_lens(&slices, &self.frame(), &start, &prior).map(LensFinding::new)
     }
+}
 
-    /// What the uncertainty of the lens adds to the covariance of (fx, fy, cx, cy, skew), pixels squared: the camera again
-    /// with the lens moved along each column of the covariance's root.
-    pub(super) fn covariance_of_lens(
-        &self,
-        pairs: &[ImagePair],
-        results: &[PairResult],
-        used: &[usize],
-        finding: &LensFinding,
-        options: &CameraOptions,
-    ) -> Option<SMatrix<f64, 5, 5>> {
-        let reference = finding.reference();
-        let numbers = |lens: &Lens| -> Option<SVector<f64, 5>> {
-            let k = self.refit_camera(pairs, results, used, lens, options).ok()?.intrinsics;
-            Some(SVector::<f64, 5>::from([k.fx, k.fy, k.cx, k.cy, k.skew]))
-        };
-        let here = numbers(&reference)?;
-        let symmetric = (finding.estimate.covariance + finding.estimate.covariance.transpose()) * 0.5;
-        let root: Matrix4<f64> = symmetric.cholesky()?.l();
-        let mut total = SMatrix::<f64, 5, 5>::zeros();
-        for column in root.column_iter() {
-            // A whole deviation may leave the range of the lens model: a step of a tenth, scaled.
-            const PART: f64 = 0.1;
-            let difference = (numbers(&reference.moved(&(column * PART)))? - here) / PART;
-            total += difference * difference.transpose();
-        }
-        Some(total)
+/// What the uncertainty of the lens adds to the covariance of (fx, fy, cx, cy, skew), pixels squared: the camera again
+/// with the lens moved along each column of the covariance's root. `solve` gives the camera of matches undone by a lens.
+pub(super) fn covariance_of_lens(
+    finding: &LensFinding,
+    solve: impl Fn(&Lens) -> Result<Intrinsics, Error>,
+) -> Result<SMatrix<f64, 5, 5>, Error> {
+    lens_propagated(finding, solve).ok_or_else(|| Error::Numerical {
+        stage: "lens distortion",
+        detail: "the camera does not follow the lens".into(),
+    })
+}
+
+fn lens_propagated(
+    finding: &LensFinding,
+    solve: impl Fn(&Lens) -> Result<Intrinsics, Error>,
+) -> Option<SMatrix<f64, 5, 5>> {
+    let reference = finding.reference();
+    let numbers = |lens: &Lens| -> Option<SVector<f64, 5>> {
+        let k = solve(lens).ok()?;
+        Some(SVector::<f64, 5>::from([k.fx, k.fy, k.cx, k.cy, k.skew]))
+    };
+    let here = numbers(&reference)?;
+    let symmetric = (finding.estimate.covariance + finding.estimate.covariance.transpose()) * 0.5;
+    let root: Matrix4<f64> = symmetric.cholesky()?.l();
+    let mut total = SMatrix::<f64, 5, 5>::zeros();
+    for column in root.column_iter() {
+        // A whole deviation may leave the range of the lens model: a step of a tenth, scaled.
+        const PART: f64 = 0.1;
+        let difference = (numbers(&reference.moved(&(column * PART)))? - here) / PART;
+        total += difference * difference.transpose();
     }
+    Some(total)
 }

@@ -3,6 +3,7 @@
 //! H is named `h_b_from_a`, scaled to determinant 1; a point in front of both cameras then has a positive third
 //! coordinate on either side (H&Z 21.1).
 
+pub mod division;
 pub mod dlt;
 pub mod refine;
 pub mod robust;
@@ -11,6 +12,7 @@ use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 
 use crate::{error::Error, frame::Frame};
 
+pub use division::{DivisionEstimate, DivisionHomography, DivisionModel, division_closed_form, refine_division};
 pub use refine::{HomographyEstimate, refine};
 pub use robust::{RobustHomography, RobustOptions, estimate_robust};
 

@@ -337,7 +337,7 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
 }
 
 /// The circular point of the normalised linear homography, nothing refined.
-fn linear_circular_point(matches: &[PointMatch], frame: &Frame) -> Option<ComplexPoint> {
+pub(super) fn linear_circular_point(matches: &[PointMatch], frame: &Frame) -> Option<ComplexPoint> {
     let local: Vec<PointMatch> =
         matches.iter().map(|m| PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m }).collect();
     let (h, _) = direct_linear_transformation(&local)?;
@@ -346,7 +346,11 @@ fn linear_circular_point(matches: &[PointMatch], frame: &Frame) -> Option<Comple
 
 /// The front door: camera and standard deviations of (fx, fy, cx, cy). It is told which pairs are motions, that the lens has
 /// no distortion, how coarse the matches may be, that the camera keeps its height and, where it is so, that the axes are exact.
-fn groundcal(pairs: &[SyntheticPair], condition: &Condition, seed: u64) -> Result<(Intrinsics, [f64; 4]), Error> {
+pub(super) fn groundcal(
+    pairs: &[SyntheticPair],
+    condition: &Condition,
+    seed: u64,
+) -> Result<(Intrinsics, [f64; 4]), Error> {
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
     let matches: Vec<ImagePair> = pairs.iter().map(|p| p.pair.clone()).collect();
     let mut options = Options {
@@ -388,7 +392,7 @@ pub struct Summary {
 }
 
 /// Value below which the fraction `p` of the sorted values lies, interpolated between neighbours.
-fn quantile(sorted: &[f64], p: f64) -> f64 {
+pub fn quantile(sorted: &[f64], p: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::INFINITY };
     let at = p * last as f64;
     let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);

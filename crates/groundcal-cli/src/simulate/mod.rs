@@ -1,6 +1,8 @@
 //! The simulation study: runs the trials, writes a table (CSV) and a figure (SVG, PNG) for each study, prints a summary.
 
-use std::fmt::Write;
+mod further;
+
+use std::{fmt::Write, path::Path};
 
 use groundcal::{
     absolute_conic::Constraint,
@@ -10,7 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 
 use crate::{
-    args::SimulateArgs,
+    args::{SimulateArgs, StudyArg},
     error::CliError,
     export::write_whole,
     plot::{Curve, Figure, Marker, Panel, Style, png, svg},
@@ -31,28 +33,48 @@ pub fn run(args: &SimulateArgs) -> Result<String, CliError> {
     let mut page = String::new();
     for study in args.study.studies() {
         let rows = simulate(study, args.trials, args.seed);
-        let path = |extension: &str| args.out.join(format!("{}.{extension}", study.name()));
-        write_whole(&path("csv"), &table(study, &rows)?)?;
-        let canvas = figure(study, &rows, args.trials).layout();
-        write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-        write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
+        write_files(&args.out, study.name(), &table(study, &rows)?, &figure(study, &rows, args.trials))?;
         // Writing to a string cannot fail.
         let _ = summary(&mut page, study, &rows, args.trials);
+    }
+    for (name, run) in further::STUDIES {
+        if args.study != StudyArg::All && args.study.name() != Some(name) {
+            continue;
+        }
+        let output = run(args.trials, args.seed)?;
+        write_files(&args.out, name, &output.table, &output.figure)?;
+        page.push_str(&output.page);
     }
     Ok(page)
 }
 
 /// Pixels of the PNG for one of the SVG: sharp on dense screens.
 const PNG_SCALE: f64 = 2.0;
+/// Median absolute value of a normal variable of unit variance.
+const HALF_NORMAL_MEDIAN: f64 = 0.674_489_750_196_082;
 
-fn simulate(study: Study, trials: u32, seed: u64) -> Vec<Row> {
-    let conditions = study.conditions();
-    // Draws nothing where standard error is not a terminal.
-    let bar = ProgressBar::new(conditions.len() as u64 * u64::from(trials));
+/// NAME.csv, NAME.svg and NAME.png.
+fn write_files(out: &Path, name: &str, table: &[u8], figure: &Figure) -> Result<(), CliError> {
+    let path = |extension: &str| out.join(format!("{name}.{extension}"));
+    write_whole(&path("csv"), table)?;
+    let canvas = figure.layout();
+    write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
+    write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)
+}
+
+/// Draws nothing where standard error is not a terminal.
+fn progress_bar(name: &'static str, trials: u64) -> ProgressBar {
+    let bar = ProgressBar::new(trials);
     if let Ok(style) = ProgressStyle::with_template("{msg:24} [{bar:40}] {pos}/{len} trials, {eta} left") {
         bar.set_style(style.progress_chars("=> "));
     }
-    bar.set_message(study.name());
+    bar.set_message(name);
+    bar
+}
+
+fn simulate(study: Study, trials: u32, seed: u64) -> Vec<Row> {
+    let conditions = study.conditions();
+    let bar = progress_bar(study.name(), conditions.len() as u64 * u64::from(trials));
     let rows = conditions
         .into_iter()
         .map(|condition| {
