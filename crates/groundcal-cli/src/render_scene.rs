@@ -52,7 +52,7 @@ pub fn write_pictures(
 }
 
 /// PNG or JPEG, as the file's name says.
-fn encode(picture: &RgbImage8, file: &str, jpeg_quality: u8) -> Result<Vec<u8>, ImageError> {
+pub fn encode(picture: &RgbImage8, file: &str, jpeg_quality: u8) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Vec::new();
     let (width, height) = (picture.size.width as u32, picture.size.height as u32);
     if file.to_ascii_lowercase().ends_with(".png") {
