@@ -1,7 +1,7 @@
 //! The methods that the experiments compare, each giving errors against the scene's exact camera.
 //!
 //! - *linear*: the paper's. Robust homographies of the matched features, their imaged circular points e, and eᵀ ω e = 0 of all
-//!   motions with weight one (KZR 1.1, 2.1). Its deviation: the points' covariances carried through that solution.
+//!   motions with weight one (KZR 1.1). Its deviation: the points' covariances carried through that solution.
 //! - *rotating camera*: Hᵀ ω H = ω of the same homographies (Hartley 1994).
 //! - *groundcal*: the program's own, from the pictures or the matches.
 

@@ -1,4 +1,4 @@
-//! `groundcal experiment`: the four experiments of the paper (KZR 4) on scenes with exact truth, rendered, calibrated and put into
+//! `groundcal experiment`: the four experiments of the paper (KZR) on scenes with exact truth, rendered, calibrated and put into
 //! tables: constraint by method, errors of focal length, aspect ratio and principal point.
 
 mod contact_sheet;
@@ -297,7 +297,6 @@ fn pan_head(setup: &Setup) -> Result<String, CliError> {
     use Constraint::*;
     let pictures = setup.pictures(&pairs_of(&setup.scene), 7)?;
     let measured = methods::measure(&pictures.matched, setup.frame(false), &setup.options(Focal, false))?;
-    // Parallel horizons never give the skew: `full` is refused by ours.
     let mut lines = setup.lines(&pictures, &[Full, ZeroSkew, Square, FixedPrincipalPoint, Focal, Auto])?;
     for constraint in [Full, ZeroSkew, Square, FixedPrincipalPoint, Focal] {
         let outcome = accept(methods::rotating(&measured, &setup.truth, constraint))?;
