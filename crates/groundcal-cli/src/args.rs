@@ -11,6 +11,8 @@ use groundcal::{
     synthetic::study::Study,
 };
 
+use crate::experiment::ExperimentArgs;
+
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
 #[command(
@@ -35,6 +37,8 @@ pub enum Command {
     Render(RenderArgs),
     /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
     Simulate(SimulateArgs),
+    /// The four experiments of the paper on rendered scenes: tables of errors against exact truth
+    Experiment(ExperimentArgs),
 }
 
 /// `groundcal calibrate`.

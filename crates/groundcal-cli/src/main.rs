@@ -2,6 +2,7 @@
 
 mod args;
 mod error;
+mod experiment;
 mod export;
 mod load;
 mod plot;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate(&args),
         Command::Render(args) => render_scene::run(&args.scene, &args.out),
         Command::Simulate(args) => simulate(&args),
+        Command::Experiment(args) => experiment::run(&args),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

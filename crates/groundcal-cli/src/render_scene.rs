@@ -13,29 +13,46 @@ use image::{
 
 use crate::{error::CliError, export::write_whole};
 
-/// Renders every view of the scene file into `out_dir` (made if missing), then writes `truth.json` there. Each file appears
-/// whole or not at all; `truth.json` comes last, so that its presence says that the pictures are complete.
+/// Renders every view of the scene file into `out_dir`; see [`write_pictures`].
 pub fn run(scene_path: &Path, out_dir: &Path) -> Result<(), CliError> {
-    let wrong = |e: &dyn std::fmt::Display| CliError::Input(format!("{}: {e}", scene_path.display()));
+    let name = scene_path.display().to_string();
+    let wrong = |e: &dyn std::fmt::Display| CliError::Input(format!("{name}: {e}"));
     let text = std::fs::read_to_string(scene_path).map_err(|e| wrong(&format!("cannot be read: {e}")))?;
     let scene: Scene = toml::from_str(&text).map_err(|e| wrong(&format!("not a scene file: {e}")))?;
-    let renderer = Renderer::new(&scene).map_err(|e| wrong(&e))?;
+    write_pictures(&scene, &name, out_dir, |_| {}).map(|_| ())
+}
+
+/// Renders every view of a scene into `out_dir` (made if missing), then writes `truth.json` there, and gives the pictures as
+/// they were before JPEG. Each file appears whole or not at all; `truth.json` comes last, so that its presence says that the
+/// pictures are complete. `name` stands for the scene in messages; `done` hears of each picture.
+pub fn write_pictures(
+    scene: &Scene,
+    name: &str,
+    out_dir: &Path,
+    done: impl Fn(usize),
+) -> Result<Vec<RgbImage8>, CliError> {
+    let wrong = |e: &dyn std::fmt::Display| CliError::Input(format!("{name}: {e}"));
+    let renderer = Renderer::new(scene).map_err(|e| wrong(&e))?;
     std::fs::create_dir_all(out_dir)
         .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out_dir.display())))?;
+    let mut pictures = Vec::with_capacity(scene.view_count());
     for (index, (_, view)) in scene.views().enumerate() {
         let picture = renderer.render(index).map_err(|e| wrong(&e))?;
         let path = out_dir.join(&view.file);
         let bytes = encode(&picture, &view.file, scene.sensor.jpeg_quality)
             .map_err(|e| CliError::Other(format!("cannot encode {}: {e}", path.display())))?;
         write_whole(&path, &bytes)?;
+        pictures.push(picture);
+        done(index);
     }
     let json = serde_json::to_string_pretty(&scene.truth())
         .map_err(|e| CliError::Other(format!("cannot write the truth as JSON: {e}")))?;
-    write_whole(&out_dir.join("truth.json"), format!("{json}\n").as_bytes())
+    write_whole(&out_dir.join("truth.json"), format!("{json}\n").as_bytes())?;
+    Ok(pictures)
 }
 
 /// PNG or JPEG, as the file's name says.
-fn encode(picture: &RgbImage8, file: &str, jpeg_quality: u8) -> Result<Vec<u8>, ImageError> {
+pub fn encode(picture: &RgbImage8, file: &str, jpeg_quality: u8) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Vec::new();
     let (width, height) = (picture.size.width as u32, picture.size.height as u32);
     if file.to_ascii_lowercase().ends_with(".png") {

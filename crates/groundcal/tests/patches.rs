@@ -3,6 +3,10 @@
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
 use groundcal::{
+    calibrate::{Options, Silent, calibrate_images, calibrate_matched_images},
+    correspondence::ImagePair,
+    error::Error,
+    features::{detect, match_features},
     least_squares_matching::{PatchMatch, PatchOptions, match_patches, template_grid},
     synthetic::{
         render::render_view,
@@ -72,4 +76,24 @@ fn patches_of_rendered_floors_are_not_biased() {
         assert!(bias.amax() < 0.01, "{texture:?}: bias {bias}");
         assert!(rms < 0.06, "{texture:?}: {rms} px");
     }
+}
+
+#[test]
+fn matches_that_are_there_already_give_the_same_calibration() {
+    let scene = scene(TextureKind::Terrazzo);
+    let images = [0, 1].map(|i| render_view(&scene, i).expect("a picture").to_gray());
+    let names = ["a.png", "b.png"].map(String::from);
+    let options = Options::default();
+    let features = images.each_ref().map(|i| detect(i, &options.features));
+    let matches = match_features(&features[0], &features[1], &options.matching);
+    let pair = ImagePair { from: 0, to: 1, matches };
+    let expected = calibrate_images(&names, &images, &options, &Silent).expect("a calibration");
+    let given = calibrate_matched_images(&names, &images, std::slice::from_ref(&pair), &options, &Silent);
+    assert_eq!(given.expect("a calibration"), expected);
+    // A pair of images that are not there.
+    let wrong = ImagePair { to: 2, ..pair };
+    assert!(matches!(
+        calibrate_matched_images(&names, &images, &[wrong], &options, &Silent),
+        Err(Error::InvalidInput(text)) if text.contains("(0, 2)")
+    ));
 }

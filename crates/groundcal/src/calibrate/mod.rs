@@ -1,8 +1,8 @@
 //! The front door: calls the stages in order.
 //!
 //! images -> features -> matches -> homographies -> circular points -> consistent motions -> camera. One may enter at
-//! images ([`calibrate_images`]), matches ([`calibrate_matches`]), homographies ([`calibrate_homographies`]) or circular
-//! points ([`calibrate_circular_points`]).
+//! images ([`calibrate_images`], or with matches [`calibrate_matched_images`]), matches ([`calibrate_matches`]), homographies
+//! ([`calibrate_homographies`]) or circular points ([`calibrate_circular_points`]).
 
 mod joint;
 mod linear;
@@ -283,36 +283,14 @@ pub fn calibrate_images(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Calibration, Error> {
-    if names.len() != images.len() {
-        return Err(Error::InvalidInput(format!("{} names for {} images", names.len(), images.len())));
-    }
-    if images.len() < 2 {
-        return Err(Error::TooFewImages { found: images.len() });
-    }
-    let size = images[0].size();
-    if size.width < 2 || size.height < 2 {
-        return Err(Error::InvalidInput(format!("{} is {size} pixels: nothing can be seen in it", names[0])));
-    }
-    if let Some(other) = images.iter().position(|i| i.size() != size) {
-        return Err(Error::InvalidInput(format!(
-            "{} is {} pixels, {} is {size}: all images must come from one camera at one size",
-            names[other],
-            images[other].size(),
-            names[0],
-        )));
-    }
+    let size = check_images(names, images)?;
     options.validate(size)?;
     let mut warnings = Vec::new();
     let pairs = candidate_pairs(images.len(), options)?;
     if options.pairs.is_none() && images.len() > options.all_pairs_limit {
         warnings.push(Warning::NeighboursOnly { images: images.len() });
     }
-    let duplicate = |i: usize, j: usize| images[i] == images[j];
-    for j in 1..images.len() {
-        if let Some(i) = (0..j).find(|&i| duplicate(i, j)) {
-            warnings.push(Warning::DuplicateImages { first: names[i].clone(), second: names[j].clone() });
-        }
-    }
+    warnings.extend(duplicates(names, images));
     observer.begin(Stage::Features, images.len());
     let features: Vec<Features> = images
         .par_iter()
@@ -331,13 +309,78 @@ pub fn calibrate_images(
             ImagePair { from, to, matches }
         })
         .collect();
+    run_images(names, images, &matched, options, observer, warnings)
+}
+
+/// Calibrates from photographs as [`calibrate_images`] does, from matches between them that are there already: another
+/// matcher's, or the same for several calibrations. The floor of the motions found is matched again patch by patch all the same.
+///
+/// # Errors
+/// See [`Error`].
+pub fn calibrate_matched_images(
+    names: &[String],
+    images: &[GrayImage],
+    pairs: &[ImagePair],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Calibration, Error> {
+    let size = check_images(names, images)?;
+    options.validate(size)?;
+    let chosen = chosen_pairs(names, pairs, options)?;
+    run_images(names, images, &chosen, options, observer, duplicates(names, images))
+}
+
+/// The one size of the images.
+fn check_images(names: &[String], images: &[GrayImage]) -> Result<ImageSize, Error> {
+    if names.len() != images.len() {
+        return Err(Error::InvalidInput(format!("{} names for {} images", names.len(), images.len())));
+    }
+    if images.len() < 2 {
+        return Err(Error::TooFewImages { found: images.len() });
+    }
+    let size = images[0].size();
+    if size.width < 2 || size.height < 2 {
+        return Err(Error::InvalidInput(format!("{} is {size} pixels: nothing can be seen in it", names[0])));
+    }
+    if let Some(other) = images.iter().position(|i| i.size() != size) {
+        return Err(Error::InvalidInput(format!(
+            "{} is {} pixels, {} is {size}: all images must come from one camera at one size",
+            names[other],
+            images[other].size(),
+            names[0],
+        )));
+    }
+    Ok(size)
+}
+
+fn duplicates(names: &[String], images: &[GrayImage]) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    let duplicate = |i: usize, j: usize| images[i] == images[j];
+    for j in 1..images.len() {
+        if let Some(i) = (0..j).find(|&i| duplicate(i, j)) {
+            warnings.push(Warning::DuplicateImages { first: names[i].clone(), second: names[j].clone() });
+        }
+    }
+    warnings
+}
+
+/// The pipeline on matches between images.
+fn run_images(
+    names: &[String],
+    images: &[GrayImage],
+    matched: &[ImagePair],
+    options: &Options,
+    observer: &dyn Observer,
+    warnings: Vec<Warning>,
+) -> Result<Calibration, Error> {
     let min = options.min_plane_matches.unwrap_or(15);
-    if let ([only], [_]) = (matched.as_slice(), pairs.as_slice())
+    if let [only] = matched
         && only.matches.len() < 4
     {
         return Err(Error::NoCommonPlane { pairs: 1, best: only.matches.len(), needed: min });
     }
-    Pipeline { names, size, options, observer, images: Some(images), min_matches: min }.run(&matched, warnings)
+    Pipeline { names, size: images[0].size(), options, observer, images: Some(images), min_matches: min }
+        .run(matched, warnings)
 }
 
 fn candidate_pairs(images: usize, options: &Options) -> Result<Vec<(usize, usize)>, Error> {
@@ -385,6 +428,13 @@ pub fn calibrate_matches(
     if names.len() < 2 {
         return Err(Error::TooFewImages { found: names.len() });
     }
+    let chosen = chosen_pairs(names, pairs, options)?;
+    let min = options.min_plane_matches.unwrap_or(6);
+    Pipeline { names, size, options, observer, images: None, min_matches: min }.run(&chosen, Vec::new())
+}
+
+/// Of given pairs those that the options name, or all.
+fn chosen_pairs(names: &[String], pairs: &[ImagePair], options: &Options) -> Result<Vec<ImagePair>, Error> {
     let index_ok = |p: &ImagePair| p.from < names.len() && p.to < names.len() && p.from != p.to;
     if let Some(bad) = pairs.iter().find(|p| !index_ok(p)) {
         return Err(Error::InvalidInput(format!("a pair ({}, {}) of {} images", bad.from, bad.to, names.len())));
@@ -405,8 +455,7 @@ pub fn calibrate_matches(
     if chosen.is_empty() {
         return Err(Error::InvalidInput("no matches at all".into()));
     }
-    let min = options.min_plane_matches.unwrap_or(6);
-    Pipeline { names, size, options, observer, images: None, min_matches: min }.run(&chosen, Vec::new())
+    Ok(chosen)
 }
 
 /// Calibrates from homographies (pixels of `from` to pixels of `to`) with covariance, all of them plane-normal motions.
