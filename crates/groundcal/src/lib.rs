@@ -19,6 +19,7 @@
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
+//! | [`plan`] | capture advice: which motions to make, and the error bars to expect |
 
 pub mod absolute_conic;
 pub mod attitude;
@@ -40,6 +41,7 @@ pub mod lens_estimate;
 pub mod levenberg_marquardt;
 pub mod linalg;
 pub mod motions;
+pub mod plan;
 pub mod plane_view;
 pub mod ransac;
 pub mod result;

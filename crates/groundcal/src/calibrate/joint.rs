@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2};
 
 use super::{
-    LensModel, Pipeline,
+    LensModel, Options, Pipeline,
     linear::Chosen,
     pairs::PairResult,
     report::{Attitude, KnownLens},
@@ -16,6 +16,7 @@ use crate::{
     bundle::{
         Bundle, BundleOptions, CAMERA, CameraVector, GroupEstimate, Kind, Observation, SceneModel, State, Track,
         ViewEstimate, adjust, disagreement,
+        model::pixels_by_camera,
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
@@ -25,6 +26,7 @@ use crate::{
     error::Error,
     frame::Frame,
     homography::{RobustHomography, refine::sampson_squared},
+    image::ImageSize,
     intrinsics::Intrinsics,
     levenberg_marquardt::StopReason,
     result::{Refinement, ResidualReport, ViewReport},
@@ -86,12 +88,7 @@ impl Joint {
         let c = &bundle.state.camera;
         let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&c.fixed_rows::<5>(0).into()));
         intrinsics.skew += 0.0;
-        let mut jacobian = SMatrix::<f64, CAMERA, CAMERA>::identity();
-        jacobian[(0, 0)] = intrinsics.fx;
-        (jacobian[(1, 0)], jacobian[(1, 1)]) = (intrinsics.fy, intrinsics.fy);
-        for i in 2..5 {
-            jacobian[(i, i)] = frame.scale_px;
-        }
+        let jacobian = pixels_by_camera(&intrinsics, frame);
         let [p1, p2] = tangential;
         Self {
             intrinsics,
@@ -199,32 +196,7 @@ impl Pipeline<'_> {
     /// Options of the joint refinement under what is known of camera and lens.
     pub(super) fn bundle_options(&self, camera: &CameraOptions, known: &KnownLens, frame: &Frame) -> BundleOptions {
         let estimate_lens = matches!(known, KnownLens::Estimated(_));
-        let k = self.options.constraint.free();
-        let priors = camera.priors(frame).0;
-        let given = |parameter| self.options.given_prior(parameter);
-        let (k1, k2) = (estimate_lens, estimate_lens && self.options.lens == LensModel::K1K2);
-        let lens_prior = |free: bool, parameter, sigma: f64| free.then(|| given(parameter).unwrap_or((0.0, sigma)));
-        BundleOptions {
-            free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some(), k1, k2],
-            priors: [
-                priors[0],
-                priors[1],
-                priors[2],
-                priors[3],
-                priors[4],
-                lens_prior(k1, PriorParameter::K1, K1_SIGMA),
-                lens_prior(k2, PriorParameter::K2, K2_SIGMA),
-            ],
-            tangential: match known {
-                KnownLens::Given(lens) => [lens.distortion.p1, lens.distortion.p2],
-                _ => [0.0; 2],
-            },
-            attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
-            attitude_scale_rad: camera.attitude_sigma_rad,
-            height_sigma: self.options.height_sigma,
-            image_half_sides: [self.size.width, self.size.height].map(|side| 0.5 * side as f64 / frame.scale_px),
-            ..BundleOptions::default()
-        }
+        self.options.bundle_options(self.size, camera, estimate_lens, frame)
     }
 
     /// Refines the linear solution on the matches of the motions chosen. `None` when there are no matches to refine on.
@@ -500,6 +472,48 @@ fn groups_of(
 
 fn view_in(images: &[usize], image: usize) -> usize {
     images.binary_search(&image).unwrap_or(0)
+}
+
+impl Options {
+    /// What the joint refinement assumes where nothing is known of the images yet, in the frame of such a size.
+    pub(crate) fn assumptions(&self, size: ImageSize) -> BundleOptions {
+        let frame = Frame::new(size, self.principal_point_px);
+        let estimate_lens = self.distortion.is_none() && self.lens != LensModel::None;
+        self.bundle_options(size, &self.camera(size), estimate_lens, &frame)
+    }
+
+    fn bundle_options(
+        &self,
+        size: ImageSize,
+        camera: &CameraOptions,
+        estimate_lens: bool,
+        frame: &Frame,
+    ) -> BundleOptions {
+        let k = self.constraint.free();
+        let priors = camera.priors(frame).0;
+        let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);
+        let lens_prior =
+            |free: bool, parameter, sigma: f64| free.then(|| self.given_prior(parameter).unwrap_or((0.0, sigma)));
+        BundleOptions {
+            free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some(), k1, k2],
+            priors: [
+                priors[0],
+                priors[1],
+                priors[2],
+                priors[3],
+                priors[4],
+                lens_prior(k1, PriorParameter::K1, K1_SIGMA),
+                lens_prior(k2, PriorParameter::K2, K2_SIGMA),
+            ],
+            // Those of an estimated lens are zero.
+            tangential: [self.distortion.p1, self.distortion.p2],
+            attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
+            attitude_scale_rad: camera.attitude_sigma_rad,
+            height_sigma: self.height_sigma,
+            image_half_sides: [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px),
+            ..BundleOptions::default()
+        }
+    }
 }
 
 impl PairResult {
