@@ -16,7 +16,7 @@
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
-//! | [`floor`], [`resample`] | pixels and points of the floor, with the lens; pictures through such maps |
+//! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
@@ -44,6 +44,7 @@ pub mod linalg;
 pub mod motions;
 pub mod plane_view;
 pub mod ransac;
+pub mod rectify;
 pub mod resample;
 pub mod result;
 pub mod rotating;
