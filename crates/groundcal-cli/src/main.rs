@@ -3,6 +3,7 @@
 mod args;
 mod error;
 mod export;
+mod import;
 mod load;
 mod plot;
 mod progress;
@@ -73,7 +74,10 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = Progress::new("reading");
     let result = run(args, &progress);
     let times = progress.finish();
-    let (calibration, images) = result?;
+    let (mut calibration, images) = result?;
+    if let Some(height_m) = args.camera_height {
+        calibration = calibration.with_camera_height(height_m)?;
+    }
     if let Some(out) = &args.out {
         write_results(out, &calibration)?;
     }

@@ -16,6 +16,7 @@
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
+//! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
@@ -32,6 +33,7 @@ pub mod correspondence;
 pub mod distortion;
 pub mod error;
 pub mod features;
+pub mod floor;
 pub mod frame;
 pub mod homography;
 pub mod image;
@@ -44,6 +46,8 @@ pub mod motions;
 pub mod plan;
 pub mod plane_view;
 pub mod ransac;
+pub mod rectify;
+pub mod resample;
 pub mod result;
 pub mod rotating;
 pub mod statistics;
