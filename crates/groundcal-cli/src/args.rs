@@ -11,6 +11,8 @@ use groundcal::{
     synthetic::study::Study,
 };
 
+use crate::plan::PlanArgs;
+
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
 #[command(
@@ -33,6 +35,8 @@ pub enum Command {
     Calibrate(Box<CalibrateArgs>),
     /// Images with truth from a scene file
     Render(RenderArgs),
+    /// Which pictures to take, and the error bars to expect; after a calibration, the next motions that improve it most
+    Plan(Box<PlanArgs>),
     /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
     Simulate(SimulateArgs),
 }
@@ -281,13 +285,13 @@ impl From<ConstraintArg> for Constraint {
     }
 }
 
-fn parse_point(text: &str) -> Result<[f64; 2], String> {
+pub fn parse_point(text: &str) -> Result<[f64; 2], String> {
     let (x, y) = text.split_once(',').ok_or("expected X,Y in pixels, for example 639.5,479.5")?;
     let number = |s: &str| s.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     Ok([number(x).ok_or("X is not a number")?, number(y).ok_or("Y is not a number")?])
 }
 
-fn parse_prior(text: &str) -> Result<GivenPrior, String> {
+pub fn parse_prior(text: &str) -> Result<GivenPrior, String> {
     let wrong = || format!("expected NAME=VALUE+-SIGMA, for example cx=320+-5, found {text}");
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;
     let (mean, sigma) = value.split_once("+-").or_else(|| value.split_once('±')).ok_or_else(wrong)?;
@@ -306,7 +310,7 @@ pub fn parse_height(text: &str) -> Result<f64, String> {
     height.ok_or_else(|| "expected a height in metres from 0.000001 to 1000000, for example 1.45".into())
 }
 
-fn parse_size(text: &str) -> Result<ImageSize, String> {
+pub fn parse_size(text: &str) -> Result<ImageSize, String> {
     let (w, h) = text.split_once(['x', 'X']).ok_or("expected WxH in pixels, for example 1280x960")?;
     let side = |s: &str| s.trim().parse::<usize>().ok().filter(|v| (2..=100_000).contains(v));
     let wrong = "width and height must be whole numbers from 2 to 100000";

@@ -5,6 +5,7 @@ mod error;
 mod export;
 mod import;
 mod load;
+mod plan;
 mod plot;
 mod progress;
 mod render_scene;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Calibrate(args) => calibrate(&args),
         Command::Render(args) => render_scene::run(&args.scene, &args.out),
+        Command::Plan(args) => plan::run(&args).and_then(|page| print(&page)),
         Command::Simulate(args) => simulate(&args),
     };
     match outcome {

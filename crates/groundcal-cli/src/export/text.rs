@@ -288,7 +288,7 @@ fn not_used(w: &mut String, c: &Calibration, verbose: bool) -> std::fmt::Result 
 }
 
 /// Lines of the page's width, indented.
-fn wrapped(text: &str, indent: usize) -> String {
+pub fn wrapped(text: &str, indent: usize) -> String {
     let mut out = String::new();
     let mut column = 0;
     for word in text.split_whitespace() {

@@ -37,6 +37,49 @@ pub struct Calibration {
     /// Pairs.
     #[serde(default)]
     pub motions: Vec<Motion>,
+    /// Name of the constraint.
+    pub constraint: Option<String>,
+    /// What was assumed beforehand.
+    #[serde(default)]
+    pub priors: Vec<Prior>,
+    /// How far the views' attitudes stray, degrees.
+    pub attitude_sigma_deg: Option<f64>,
+    /// How far their heights stray, relative.
+    pub height_sigma: Option<f64>,
+    /// How well it all agrees.
+    pub fit: Option<Fit>,
+}
+
+/// A prior.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[allow(missing_docs)]
+pub struct Prior {
+    pub parameter: String,
+    pub mean: f64,
+    pub sigma: f64,
+}
+
+/// What is read of the fit.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+pub struct Fit {
+    /// Nothing: the linear method.
+    pub refinement: Option<Refinement>,
+}
+
+/// What is read of the joint refinement: the residuals of each kind of measurement.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[allow(missing_docs)]
+pub struct Refinement {
+    pub patches: Option<Residuals>,
+    pub points: Option<Residuals>,
+}
+
+/// Residuals of one kind of measurement.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[allow(missing_docs)]
+pub struct Residuals {
+    pub variance_factor: f64,
+    pub design_effect: f64,
 }
 
 /// Camera matrix and lens, pixels.
@@ -115,6 +158,9 @@ pub struct Motion {
     pub to: String,
     pub used: bool,
     pub attitude: Option<usize>,
+    pub rotation_deg: Option<f64>,
+    pub matches: Option<f64>,
+    pub rms_px: Option<f64>,
 }
 
 /// Where an image was taken from, over the floor.
