@@ -22,6 +22,11 @@ fn f_percent(plan: &Value) -> Vec<f64> {
     motions.map(|m| m.pointer("/after/f_percent").and_then(Value::as_f64).unwrap_or(f64::INFINITY)).collect()
 }
 
+/// A page as one line.
+fn flowing(page: &str) -> String {
+    page.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
 fn codes(plan: &Value) -> Vec<&str> {
     plan["warnings"].as_array().expect("a list").iter().map(|w| w["code"].as_str().expect("a code")).collect()
 }
@@ -32,17 +37,17 @@ fn a_tripod_gets_a_shot_list() {
     assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));
     println!("{}", outcome.stdout);
     for words in [
-        " 1. Tilt ",
+        "1. Tilt ",
         "deg below the horizon, roll ",
         "take a picture, turn ",
         "deg anticlockwise (to the left), take another.",
-        " 4. Tilt ",
+        "4. Tilt ",
         "it tells the principal point",
         "Then: groundcal calibrate PICTURES/ --out result/",
     ] {
-        assert!(outcome.stdout.contains(words), "{words:?} is missing");
+        assert!(flowing(&outcome.stdout).contains(words), "{words:?} is missing");
     }
-    assert!(outcome.stdout.lines().all(|l| l.chars().count() <= 110));
+    assert!(outcome.stdout.lines().all(|l| l.chars().count() <= 102));
     assert_eq!(outcome.stdout, plan(&[]).stdout, "the same each time");
     let json = plan_json(&[]);
     let f = f_percent(&json);
@@ -60,7 +65,6 @@ fn each_carrier_has_a_plan_and_says_what_it_cannot_tell() {
         ("pan-head", &["parallel_horizons"][..]),
         ("drone", &["parallel_horizons"]),
         ("robot", &["single_attitude", "prior_decides"]),
-        ("car", &["single_attitude", "prior_decides"]),
     ] {
         let json = plan_json(&["--rig", rig]);
         println!("{rig}: f {:.3?} %", f_percent(&json));
@@ -70,7 +74,7 @@ fn each_carrier_has_a_plan_and_says_what_it_cannot_tell() {
     println!("{text}");
     for words in ["From there drive on", "held by this; the motions do not tell it", "expect warning [single_attitude]"]
     {
-        assert!(text.contains(words), "{words:?} is missing");
+        assert!(flowing(&text).contains(words), "{words:?} is missing");
     }
 }
 
@@ -81,7 +85,8 @@ fn what_is_known_of_camera_and_carrier_changes_the_plan() {
     let f = |more: &[&str]| *f_percent(&plan_json(more)).last().expect("a motion");
     let usual = f(&[]);
     assert!(f(&["--noise-px", "0.05", "--attitude-sigma-deg", "0"]) < 0.5 * usual);
-    assert!(f(&["--attitude-sigma-deg", "1"]) > 2.0 * usual);
+    assert!(f(&["--attitude-sigma-deg", "1"]) > 1.5 * usual);
+    assert_eq!(codes(&plan_json(&["--attitude-sigma-deg", "1"])), ["large_strays"]);
     assert!(f(&["--motions", "8"]) < usual);
     // A principal point that is known makes up for the one attitude.
     let known = ["--rig", "robot", "--prior", "cx=640+-1", "--prior", "cy=480+-1"];
@@ -187,7 +192,7 @@ fn what_cannot_be_planned_is_refused() {
         (&["--points", "3"], 2, "3 points"),
         (&["--height-m", "nan"], 2, "--height-m"),
         (&["--tilts-deg", "10:20"], 2, "FROM:TO:STEP"),
-        (&["--tilts-deg", "120"], 2, "tilt 120 degrees"),
+        (&["--tilts-deg", "120"], 2, "tilt 120 degrees must"),
         (&["--attitude-sigma-deg", "50"], 2, "attitude sigma 50"),
         (&["--after", "nothing.json"], 4, "nothing.json"),
         (&["--after", "nothing.json", "--f", "900"], 2, "cannot be used with"),

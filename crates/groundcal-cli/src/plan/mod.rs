@@ -61,7 +61,7 @@ pub struct PlanArgs {
     pub principal_point: Option<[f64; 2]>,
 
     /// Tilts the camera can have, degrees below the horizon: a list 20,35,50 or a range FROM:TO:STEP
-    /// [default: tripod 20:60:10, pan-head 10:60:10, drone 30:60:15, robot 30, car 10]
+    /// [default: tripod 20:60:10, pan-head 10:60:10, drone 30:60:15, robot 30]
     #[arg(long, value_name = "LIST", value_parser = parse_angles, allow_hyphen_values = true)]
     pub tilts_deg: Option<Angles>,
 
@@ -69,15 +69,15 @@ pub struct PlanArgs {
     #[arg(long, value_name = "LIST", value_parser = parse_angles, allow_hyphen_values = true)]
     pub rolls_deg: Option<Angles>,
 
-    /// Largest turn between two pictures [default: 60; car 30]
+    /// Largest turn between two pictures [default: 60]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub max_turn_deg: Option<f64>,
 
-    /// Height of the camera over the floor [default: tripod 1.5, pan-head 2.5, robot 0.5, car 1.4, drone 10]
+    /// Height of the camera over the floor [default: tripod 1.5, pan-head 2.5, robot 0.5, drone 10]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub height_m: Option<f64>,
 
-    /// Distance from the camera back to the axis it turns about [default: tripod 0.1, pan-head 0.05, robot 0.2, car 5, drone 0]
+    /// Distance from the camera back to the axis it turns about [default: tripod 0.1, pan-head 0.05, robot 0.2, drone 0]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     pub axis_offset_m: Option<f64>,
 
@@ -110,7 +110,7 @@ pub struct PlanArgs {
     pub distortion: DistortionArg,
 
     /// How far the camera pitches and rolls by itself between views, standard deviation in degrees
-    /// [default: 0.1; car 1; after a calibration: as there]
+    /// [default: 0.1; after a calibration: as there]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub attitude_sigma_deg: Option<f64>,
 
@@ -136,8 +136,6 @@ pub enum RigArg {
     PanHead,
     /// One attitude; turns on the spot or drives curves
     Robot,
-    /// One attitude; drives curves
-    Car,
     /// A gimbal that tilts; turns while it hovers
     Drone,
 }
@@ -147,10 +145,8 @@ struct Carrier {
     name: &'static str,
     tilts_deg: &'static [f64],
     rolls_deg: &'static [f64],
-    max_turn_deg: f64,
     height_m: f64,
     axis_offset_m: f64,
-    attitude_sigma_deg: f64,
     height_sigma: f64,
 }
 
@@ -160,10 +156,8 @@ impl RigArg {
             name: "tripod",
             tilts_deg: &[20.0, 30.0, 40.0, 50.0, 60.0],
             rolls_deg: &[-40.0, -20.0, 0.0, 20.0, 40.0],
-            max_turn_deg: 60.0,
             height_m: 1.5,
             axis_offset_m: 0.1,
-            attitude_sigma_deg: 0.1,
             height_sigma: HEIGHT_SIGMA,
         };
         let level = Carrier { rolls_deg: &[0.0], ..tripod };
@@ -177,15 +171,6 @@ impl RigArg {
                 ..level
             },
             RigArg::Robot => Carrier { name: "robot", tilts_deg: &[30.0], height_m: 0.5, axis_offset_m: 0.2, ..level },
-            RigArg::Car => Carrier {
-                name: "car",
-                tilts_deg: &[10.0],
-                max_turn_deg: 30.0,
-                height_m: 1.4,
-                axis_offset_m: 5.0,
-                attitude_sigma_deg: 1.0,
-                ..level
-            },
             RigArg::Drone => Carrier {
                 name: "drone",
                 tilts_deg: &[30.0, 45.0, 60.0],
@@ -200,11 +185,32 @@ impl RigArg {
 
 /// Turns that are tried, degrees, as far as the rig turns.
 const TURNS_DEG: [f64; 8] = [5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0];
+/// Largest of them unless said otherwise.
+const MAX_TURN_DEG: f64 = 60.0;
 /// Default distance to which the floor can be matched, heights: it is seen under 6 degrees there.
 const REACH_HEIGHTS: f64 = 10.0;
 const DEFAULT_SIZE: ImageSize = ImageSize { width: 1280, height: 960 };
 const DEFAULT_NOISE_PX: f64 = 0.3;
 const DEFAULT_POINTS: f64 = 300.0;
+/// How far attitudes stray where nothing is said: what `calibrate` takes until the motions tell it.
+const ATTITUDE_SIGMA_DEG: f64 = 0.1;
+
+/// Strays up to which predictions were held against simulated calibrations (crates/groundcal/tests/plan.rs), with a margin.
+const CHECKED_SIGMA_DEG: f64 = 0.15;
+/// Code of the plan's own warning.
+const LARGE_STRAYS: &str = "large_strays";
+
+fn large_strays(sigma_deg: f64) -> WarningReport {
+    WarningReport {
+        code: LARGE_STRAYS,
+        message: format!(
+            "tilt and roll stray by {} degrees, predictions are checked by simulation for 0.1 degrees. With much more, `calibrate` may \
+             refuse short turns: two attitudes that differ by 1.4 degrees put the axis of a 10 degree turn off by 8. Turn by 30 \
+             degrees or more, make more motions than planned, or steady the camera",
+            text::short(sigma_deg)
+        ),
+    }
+}
 
 /// Angles in degrees.
 #[derive(Debug, Clone, PartialEq)]
@@ -319,6 +325,11 @@ fn report(args: &PlanArgs) -> Result<Report, CliError> {
     };
     let plan: Plan = Planner::new(&options, start.as_ref())?.plan()?;
     let k = &options.intrinsics;
+    let mut warnings: Vec<WarningReport> = plan.warnings.iter().map(|w| w.report()).collect();
+    let attitude_sigma_deg = options.calibration.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG);
+    if attitude_sigma_deg > CHECKED_SIGMA_DEG {
+        warnings.push(large_strays(attitude_sigma_deg));
+    }
     Ok(Report {
         format_version: 1,
         assumed: Assumed {
@@ -331,21 +342,21 @@ fn report(args: &PlanArgs) -> Result<Report, CliError> {
             points: options.points,
             motions: options.motions,
             constraint: options.calibration.constraint.name(),
-            attitude_sigma_deg: options.calibration.attitude_sigma_deg.unwrap_or(carrier.attitude_sigma_deg),
+            attitude_sigma_deg,
             height_sigma: options.calibration.height_sigma.unwrap_or(HEIGHT_SIGMA),
         },
         rig,
         before: plan.before,
         motions: plan.motions,
         priors: plan.priors,
-        warnings: plan.warnings.iter().map(|w| w.report()).collect(),
+        warnings,
     })
 }
 
 fn rig(args: &PlanArgs, carrier: &Carrier, height_m: f64) -> Result<RigReport, CliError> {
     let angles = |given: &Option<Angles>, usual: &[f64]| given.as_ref().map_or(usual.to_vec(), |a| a.0.clone());
     let height_m = positive("--height-m", height_m, 1e5)?;
-    let max_turn = args.max_turn_deg.unwrap_or(carrier.max_turn_deg);
+    let max_turn = args.max_turn_deg.unwrap_or(MAX_TURN_DEG);
     if !(0.0..=180.0).contains(&max_turn) {
         return Err(CliError::Usage(format!("--max-turn-deg {max_turn}: give 0 to 180 degrees")));
     }
@@ -405,7 +416,7 @@ fn fresh(args: &PlanArgs, carrier: &Carrier, rig: &RigReport) -> Result<PlanOpti
             principal_point_px: args.principal_point,
             lens: args.distortion.into(),
             priors: args.prior.clone(),
-            attitude_sigma_deg: Some(args.attitude_sigma_deg.unwrap_or(carrier.attitude_sigma_deg)),
+            attitude_sigma_deg: Some(args.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG)),
             height_sigma: Some(args.height_sigma.unwrap_or(carrier.height_sigma)),
             ..Options::default()
         },
@@ -432,8 +443,13 @@ fn figure(report: &Report) -> Figure {
         legend: vec![(style, "predicted".into())],
         notes: vec![
             format!(
-                "{} x {} px, f about {:.0} px; noise {:.3} px, {:.0} matches to a full picture; attitude sigma {} deg",
-                a.image_size[0], a.image_size[1], a.fx, a.noise_px, a.points, a.attitude_sigma_deg
+                "{} x {} px, f about {:.0} px; noise {} px, {:.0} matches to a full picture; attitude sigma {} deg",
+                a.image_size[0],
+                a.image_size[1],
+                a.fx,
+                text::short(a.noise_px),
+                a.points,
+                text::short(a.attitude_sigma_deg)
             ),
             "A cross at the upper edge: not determined yet.".into(),
         ],

@@ -2,10 +2,11 @@
 
 use std::fmt::Write;
 
+use clap::ValueEnum;
 use groundcal::plan::{PlannedMotion, Prediction, Shares};
 
-use super::{PlanArgs, Report, RigArg};
-use crate::export::text::wrapped;
+use super::{LARGE_STRAYS, PlanArgs, Report, RigArg};
+use crate::{args::DistortionArg, export::text::wrapped};
 
 const WIDTH: usize = 100;
 /// Room for the number of a shot.
@@ -99,25 +100,45 @@ fn write_page(out: &mut String, report: &Report, args: &PlanArgs) -> std::fmt::R
     }
     for warning in &report.warnings {
         writeln!(out)?;
-        writeln!(out, "{}", wrapped(&format!("expect warning [{}]: {}", warning.code, warning.message), 0))?;
+        let expected = if warning.code == LARGE_STRAYS { "" } else { "expect " };
+        writeln!(out, "{}", wrapped(&format!("{expected}warning [{}]: {}", warning.code, warning.message), 0))?;
     }
     writeln!(out)?;
-    let mut command = String::from("groundcal calibrate PICTURES/");
-    if a.constraint != "auto" {
-        let _ = write!(command, " --constraint {}", a.constraint);
-    }
-    if args.attitude_sigma_deg.is_some() || args.rig == RigArg::Car {
-        let _ = write!(command, " --attitude-sigma-deg {}", a.attitude_sigma_deg);
-    }
+    let command = command(report, args);
     let all = if report.before.is_some() { " (old and new pictures together)" } else { "" };
     writeln!(out, "Then: {command} --out result/{all}")?;
     writeln!(out, "and:  groundcal plan --rig {} --after result/", rig.name.replace(' ', "-"))
 }
 
+/// The calibration the plan is made for.
+fn command(report: &Report, args: &PlanArgs) -> String {
+    let a = &report.assumed;
+    let mut command = String::from("groundcal calibrate PICTURES/");
+    if a.constraint != "auto" {
+        let _ = write!(command, " --constraint {}", a.constraint);
+    }
+    if let Some([x, y]) = args.principal_point {
+        let _ = write!(command, " --principal-point {x},{y}");
+    }
+    for p in &args.prior {
+        let _ = write!(command, " --prior {}={}+-{}", p.parameter.name(), p.mean, p.sigma);
+    }
+    if let Some(lens) = args.distortion.to_possible_value().filter(|_| args.distortion != DistortionArg::Auto) {
+        let _ = write!(command, " --distortion {}", lens.get_name());
+    }
+    if args.attitude_sigma_deg.is_some() {
+        let _ = write!(command, " --attitude-sigma-deg {}", short(a.attitude_sigma_deg));
+    }
+    if args.height_sigma.is_some() {
+        let _ = write!(command, " --height-sigma {}", a.height_sigma);
+    }
+    command
+}
+
 fn shot(m: &PlannedMotion, rig: RigArg) -> String {
     let turn = format!("{:.0} deg anticlockwise (to the left)", m.turn_deg);
     let turned = match rig {
-        RigArg::Robot | RigArg::Car => format!("drive on until the camera has turned {turn}"),
+        RigArg::Robot => format!("drive on until the camera has turned {turn}"),
         _ => format!("turn {turn}"),
     };
     if m.continues {
@@ -168,11 +189,15 @@ fn rest(p: &Prediction) -> String {
 
 /// Standard deviations after each motion.
 fn table(out: &mut String, report: &Report) -> std::fmt::Result {
-    writeln!(out, "expected standard deviations")?;
+    writeln!(
+        out,
+        "expected standard deviations, and the parts of the variance of f that would be gone if the principal"
+    )?;
+    writeln!(out, "point, the lens or the aspect ratio were known (they overlap)")?;
     writeln!(
         out,
         "{:<9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}   {}",
-        "motions", "f %", "fx px", "fy px", "cx px", "cy px", "k1", "k2", "variance of f: point, lens, aspect"
+        "motions", "f %", "fx px", "fy px", "cx px", "cy px", "k1", "k2", "point, lens, aspect"
     )?;
     let mut row = |name: &str, p: Option<&Prediction>| {
         let Some(p) = p else { return writeln!(out, "{name:<9}{:>9}", "not determined yet") };
@@ -209,7 +234,7 @@ fn percent(p: &Prediction) -> String {
 }
 
 /// Two or three significant digits without an exponent.
-fn short(value: f64) -> String {
+pub fn short(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
         return "0".into();

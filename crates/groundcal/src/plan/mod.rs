@@ -178,6 +178,11 @@ fn ln_f_variance(c: &CameraMatrix) -> f64 {
     c[(0, 0)] + c[(0, 1)] + 0.25 * c[(1, 1)]
 }
 
+/// Degrees without the rounding of their way through radians.
+fn round(degrees: f64) -> f64 {
+    (degrees * 1e9).round() / 1e9
+}
+
 /// Everything a plan is made with.
 pub struct Planner {
     setting: Setting,
@@ -221,7 +226,10 @@ impl PlanOptions {
                 return fail(format!("{} {name} angles: give 1 to 50", values.len()));
             }
             if let Some(bad) = values.iter().find(|v| !within(v.to_degrees(), -limit - 1e-9, limit + 1e-9)) {
-                return fail(format!("{name} {} degrees must lie between -{limit} and {limit}", bad.to_degrees()));
+                return fail(format!(
+                    "{name} {} degrees must lie between -{limit} and {limit}",
+                    round(bad.to_degrees())
+                ));
             }
         }
         if !within(rig.axis_offset, 0.0, 1e3) {
@@ -327,9 +335,9 @@ impl Planner {
             }
             sum = *next;
             motions.push(PlannedMotion {
-                pitch_down_deg: c.spec.pitch_down_rad.to_degrees(),
-                roll_deg: c.spec.roll_rad.to_degrees(),
-                turn_deg: c.spec.turn_rad.to_degrees(),
+                pitch_down_deg: round(c.spec.pitch_down_rad.to_degrees()),
+                roll_deg: round(c.spec.roll_rad.to_degrees()),
+                turn_deg: round(c.spec.turn_rad.to_degrees()),
                 continues: chain && !motions.is_empty(),
                 matches: c.matches,
                 overlap: c.overlap,
@@ -367,14 +375,15 @@ impl Planner {
 
     /// The same for motions of one turn that go on from each other.
     fn chain(&self, candidates: &[Candidate]) -> (Vec<usize>, Vec<CameraMatrix>) {
-        let free = &self.setting.options.free;
-        let best = search::choose(candidates, &self.base, free, 1, false);
+        let of = |spec: &MotionSpec, links| {
+            self.setting.information(spec, &self.setting.shared_floor(spec), links).unwrap_or_default()
+        };
+        let whole: Vec<Candidate> =
+            candidates.iter().map(|c| Candidate { information: of(&c.spec, self.motions), ..*c }).collect();
+        let best = search::choose(&whole, &self.base, &self.setting.options.free, 1, false);
         let Some(&i) = best.first() else { return (best, Vec::new()) };
-        let spec = &candidates[i].spec;
-        let shared = self.setting.shared_floor(spec);
-        let sums: Vec<CameraMatrix> = (1..=self.motions)
-            .map_while(|links| Some(self.base + self.setting.information(spec, &shared, links)?))
-            .collect();
+        let sums: Vec<CameraMatrix> =
+            (1..=self.motions).map(|links| self.base + of(&candidates[i].spec, links)).collect();
         (vec![i; sums.len()], sums)
     }
 
