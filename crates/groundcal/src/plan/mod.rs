@@ -83,7 +83,7 @@ const MIN_OVERLAP: f64 = 0.5;
 /// Smallest turn worth planning, and distance from 180 degrees.
 const MIN_TURN_RAD: f64 = 0.03;
 /// Of turns that are worth the same the one nearest to this: 30 degrees.
-const EASY_TURN_RAD: f64 = 0.5236;
+const EASY_TURN_RAD: f64 = std::f64::consts::FRAC_PI_6;
 /// Pitch from which on a view says nothing of the focal length.
 const STRAIGHT_DOWN_RAD: f64 = 1.52;
 /// Posterior over prior deviation from which on a prior decides; the calibration warns of it too.
