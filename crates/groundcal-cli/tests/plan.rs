@@ -174,7 +174,7 @@ fn what_cannot_be_planned_is_refused() {
     let zeros = format!(
         r#"{{"format_version": 1, "camera": {{"image_size": [640, 480], "fx": 500, "fy": 500, "cx": 320, "cy": 240}},
            "covariance": {{"parameters": ["fx", "fy", "cx", "cy", "skew", "k1", "k2"], "matrix": [{}]}}}}"#,
-        vec!["[0, 0, 0, 0, 0, 0, 0]"; 7].join(", ")
+        ["[0, 0, 0, 0, 0, 0, 0]"; 7].join(", ")
     );
     let zeros = write(folder.path(), "zeros.json", zeros);
     let out = folder.path().join("out");

@@ -196,8 +196,8 @@ fn table(out: &mut String, report: &Report) -> std::fmt::Result {
     writeln!(out, "point, the lens or the aspect ratio were known (they overlap)")?;
     writeln!(
         out,
-        "{:<9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}   {}",
-        "motions", "f %", "fx px", "fy px", "cx px", "cy px", "k1", "k2", "point, lens, aspect"
+        "{:<9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}{:>9}   point, lens, aspect",
+        "motions", "f %", "fx px", "fy px", "cx px", "cy px", "k1", "k2"
     )?;
     let mut row = |name: &str, p: Option<&Prediction>| {
         let Some(p) = p else { return writeln!(out, "{name:<9}{:>9}", "not determined yet") };
