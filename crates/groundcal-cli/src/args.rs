@@ -12,6 +12,7 @@ use groundcal::{
 };
 
 use crate::experiment::ExperimentArgs;
+use crate::plan::PlanArgs;
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
@@ -35,6 +36,8 @@ pub enum Command {
     Calibrate(Box<CalibrateArgs>),
     /// Images with truth from a scene file
     Render(RenderArgs),
+    /// Which pictures to take, and the error bars to expect; after a calibration, the next motions that improve it most
+    Plan(Box<PlanArgs>),
     /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
     Simulate(SimulateArgs),
     /// The four experiments of the paper on rendered scenes: tables of errors against exact truth
@@ -104,6 +107,11 @@ pub struct CalibrateArgs {
     /// height; 0.3 and more: free) [default: estimated]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub height_sigma: Option<f64>,
+
+    /// Height of the camera over the floor in metres at the first view (of each set of views that common points connect): gives
+    /// positions in metres [default: that height is 1]
+    #[arg(long, value_name = "METRES", value_parser = parse_height)]
+    pub camera_height: Option<f64>,
 
     /// Image size, for matches.csv and tracks.csv
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -302,13 +310,13 @@ impl From<ConstraintArg> for Constraint {
     }
 }
 
-fn parse_point(text: &str) -> Result<[f64; 2], String> {
+pub fn parse_point(text: &str) -> Result<[f64; 2], String> {
     let (x, y) = text.split_once(',').ok_or("expected X,Y in pixels, for example 639.5,479.5")?;
     let number = |s: &str| s.trim().parse::<f64>().ok().filter(|v| v.is_finite());
     Ok([number(x).ok_or("X is not a number")?, number(y).ok_or("Y is not a number")?])
 }
 
-fn parse_prior(text: &str) -> Result<GivenPrior, String> {
+pub fn parse_prior(text: &str) -> Result<GivenPrior, String> {
     let wrong = || format!("expected NAME=VALUE+-SIGMA, for example cx=320+-5, found {text}");
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;
     let (mean, sigma) = value.split_once("+-").or_else(|| value.split_once('±')).ok_or_else(wrong)?;
@@ -321,7 +329,13 @@ fn parse_prior(text: &str) -> Result<GivenPrior, String> {
     Ok(GivenPrior { parameter, mean: number(mean)?, sigma: number(sigma)? })
 }
 
-fn parse_size(text: &str) -> Result<ImageSize, String> {
+/// A length in metres, positive.
+pub fn parse_height(text: &str) -> Result<f64, String> {
+    let height = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && (1e-6..=1e6).contains(v));
+    height.ok_or_else(|| "expected a height in metres from 0.000001 to 1000000, for example 1.45".into())
+}
+
+pub fn parse_size(text: &str) -> Result<ImageSize, String> {
     let (w, h) = text.split_once(['x', 'X']).ok_or("expected WxH in pixels, for example 1280x960")?;
     let side = |s: &str| s.trim().parse::<usize>().ok().filter(|v| (2..=100_000).contains(v));
     let wrong = "width and height must be whole numbers from 2 to 100000";

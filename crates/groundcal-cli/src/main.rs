@@ -4,7 +4,9 @@ mod args;
 mod error;
 mod experiment;
 mod export;
+mod import;
 mod load;
+mod plan;
 mod plot;
 mod progress;
 mod render_scene;
@@ -30,6 +32,7 @@ fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Calibrate(args) => calibrate(&args),
         Command::Render(args) => render_scene::run(&args.scene, &args.out),
+        Command::Plan(args) => plan::run(&args).and_then(|page| print(&page)),
         Command::Simulate(args) => simulate(&args),
         Command::Experiment(args) => experiment::run(&args),
     };
@@ -75,7 +78,10 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = Progress::new("reading");
     let result = run(args, &progress);
     let times = progress.finish();
-    let (calibration, images) = result?;
+    let (mut calibration, images) = result?;
+    if let Some(height_m) = args.camera_height {
+        calibration = calibration.with_camera_height(height_m)?;
+    }
     if let Some(out) = &args.out {
         write_results(out, &calibration)?;
     }

@@ -18,10 +18,11 @@
 //! | [`transfer`] | one motion's circular points carried into other views |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
-//! | [`floor`], [`resample`] | pixels and points of the floor, with the lens; pictures through such maps |
+//! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
+//! | [`plan`] | capture advice: which motions to make, and the error bars to expect |
 
 pub mod absolute_conic;
 pub mod attitude;
@@ -44,8 +45,10 @@ pub mod lens_estimate;
 pub mod levenberg_marquardt;
 pub mod linalg;
 pub mod motions;
+pub mod plan;
 pub mod plane_view;
 pub mod ransac;
+pub mod rectify;
 pub mod resample;
 pub mod result;
 pub mod rotating;

@@ -14,7 +14,7 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use crate::{attitude::yaw_rotation, distortion::Distortion};
+use crate::{attitude::yaw_rotation, distortion::Distortion, frame::Frame, intrinsics::Intrinsics};
 
 /// What the points are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -36,6 +36,17 @@ pub const SLOTS: usize = CAMERA + GROUP + VIEW;
 
 /// The camera's numbers.
 pub type CameraVector = SVector<f64, CAMERA>;
+
+/// Derivatives of (fx, fy, cx, cy, skew, k1, k2) in pixels by the camera's numbers.
+pub fn pixels_by_camera(k: &Intrinsics, frame: &Frame) -> SMatrix<f64, CAMERA, CAMERA> {
+    let mut jacobian = SMatrix::<f64, CAMERA, CAMERA>::identity();
+    jacobian[(0, 0)] = k.fx;
+    (jacobian[(1, 0)], jacobian[(1, 1)]) = (k.fy, k.fy);
+    for i in 2..5 {
+        jacobian[(i, i)] = frame.scale_px;
+    }
+    jacobian
+}
 
 /// What a group of views shares.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2};
 
 use super::{
-    LensModel, Pipeline,
+    LensModel, Options, Pipeline,
     linear::Chosen,
     pairs::PairResult,
     report::{Attitude, KnownLens},
@@ -16,6 +16,7 @@ use crate::{
     bundle::{
         Bundle, BundleOptions, CAMERA, CameraVector, GroupEstimate, Kind, Observation, SceneModel, State, Track,
         ViewEstimate, adjust, disagreement,
+        model::pixels_by_camera,
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
@@ -23,11 +24,14 @@ use crate::{
     correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
+    floor::FloorView,
     frame::Frame,
     homography::{RobustHomography, refine::sampson_squared},
+    image::ImageSize,
     intrinsics::Intrinsics,
     levenberg_marquardt::StopReason,
-    result::{Refinement, ResidualReport, ViewReport},
+    plane_view::View,
+    result::{FloorHomography, Refinement, ResidualReport, ViewReport},
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
@@ -79,6 +83,8 @@ pub(super) struct Joint {
     pub(super) distortion: Distortion,
     /// Covariance of (fx, fy, cx, cy, skew, k1, k2), pixels.
     pub(super) covariance_px: SMatrix<f64, CAMERA, CAMERA>,
+    /// Derivative of the same by the camera's numbers of the refinement.
+    by_camera: SMatrix<f64, CAMERA, CAMERA>,
 }
 
 impl Joint {
@@ -86,17 +92,13 @@ impl Joint {
         let c = &bundle.state.camera;
         let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&c.fixed_rows::<5>(0).into()));
         intrinsics.skew += 0.0;
-        let mut jacobian = SMatrix::<f64, CAMERA, CAMERA>::identity();
-        jacobian[(0, 0)] = intrinsics.fx;
-        (jacobian[(1, 0)], jacobian[(1, 1)]) = (intrinsics.fy, intrinsics.fy);
-        for i in 2..5 {
-            jacobian[(i, i)] = frame.scale_px;
-        }
+        let jacobian = pixels_by_camera(&intrinsics, frame);
         let [p1, p2] = tangential;
         Self {
             intrinsics,
             distortion: Distortion { k1: c[5], k2: c[6], p1, p2 },
             covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
+            by_camera: jacobian,
             images,
             ties: Vec::new(),
             floors: SharedFloors::default(),
@@ -105,10 +107,18 @@ impl Joint {
         }
     }
 
+    /// A covariance whose first numbers are the camera's of the refinement with these in pixels.
+    pub(super) fn in_pixels<const N: usize>(&self, covariance: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
+        let mut jacobian = SMatrix::<f64, N, N>::identity();
+        jacobian.fixed_view_mut::<CAMERA, CAMERA>(0, 0).copy_from(&self.by_camera);
+        jacobian * covariance * jacobian.transpose()
+    }
+
     /// The best known of the groups that have an attitude of the solution.
     pub(super) fn group_with(&self, attitude: usize) -> Option<&GroupEstimate> {
+        let tilt = |g: &GroupEstimate| g.covariance.fixed_view::<2, 2>(CAMERA, CAMERA).trace();
         let members = self.attitude_of_group.iter().zip(&self.bundle.groups).filter(|(a, _)| **a == attitude);
-        members.map(|(_, g)| g).min_by(|a, b| a.covariance.trace().total_cmp(&b.covariance.trace()))
+        members.map(|(_, g)| g).min_by(|a, b| tilt(a).total_cmp(&tilt(b)))
     }
 
     /// Covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units.
@@ -199,32 +209,7 @@ impl Pipeline<'_> {
     /// Options of the joint refinement under what is known of camera and lens.
     pub(super) fn bundle_options(&self, camera: &CameraOptions, known: &KnownLens, frame: &Frame) -> BundleOptions {
         let estimate_lens = matches!(known, KnownLens::Estimated(_));
-        let k = self.options.constraint.free();
-        let priors = camera.priors(frame).0;
-        let given = |parameter| self.options.given_prior(parameter);
-        let (k1, k2) = (estimate_lens, estimate_lens && self.options.lens == LensModel::K1K2);
-        let lens_prior = |free: bool, parameter, sigma: f64| free.then(|| given(parameter).unwrap_or((0.0, sigma)));
-        BundleOptions {
-            free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some(), k1, k2],
-            priors: [
-                priors[0],
-                priors[1],
-                priors[2],
-                priors[3],
-                priors[4],
-                lens_prior(k1, PriorParameter::K1, K1_SIGMA),
-                lens_prior(k2, PriorParameter::K2, K2_SIGMA),
-            ],
-            tangential: match known {
-                KnownLens::Given(lens) => [lens.distortion.p1, lens.distortion.p2],
-                _ => [0.0; 2],
-            },
-            attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
-            attitude_scale_rad: camera.attitude_sigma_rad,
-            height_sigma: self.options.height_sigma,
-            image_half_sides: [self.size.width, self.size.height].map(|side| 0.5 * side as f64 / frame.scale_px),
-            ..BundleOptions::default()
-        }
+        self.options.bundle_options(self.size, camera, estimate_lens, frame)
     }
 
     /// Refines the linear solution on the matches of the motions chosen. `None` when there are no matches to refine on.
@@ -502,6 +487,48 @@ fn view_in(images: &[usize], image: usize) -> usize {
     images.binary_search(&image).unwrap_or(0)
 }
 
+impl Options {
+    /// What the joint refinement assumes where nothing is known of the images yet, in the frame of such a size.
+    pub(crate) fn assumptions(&self, size: ImageSize) -> BundleOptions {
+        let frame = Frame::new(size, self.principal_point_px);
+        let estimate_lens = self.distortion.is_none() && self.lens != LensModel::None;
+        self.bundle_options(size, &self.camera(size), estimate_lens, &frame)
+    }
+
+    fn bundle_options(
+        &self,
+        size: ImageSize,
+        camera: &CameraOptions,
+        estimate_lens: bool,
+        frame: &Frame,
+    ) -> BundleOptions {
+        let k = self.constraint.free();
+        let priors = camera.priors(frame).0;
+        let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);
+        let lens_prior =
+            |free: bool, parameter, sigma: f64| free.then(|| self.given_prior(parameter).unwrap_or((0.0, sigma)));
+        BundleOptions {
+            free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some(), k1, k2],
+            priors: [
+                priors[0],
+                priors[1],
+                priors[2],
+                priors[3],
+                priors[4],
+                lens_prior(k1, PriorParameter::K1, K1_SIGMA),
+                lens_prior(k2, PriorParameter::K2, K2_SIGMA),
+            ],
+            // Those of an estimated lens are zero.
+            tangential: [self.distortion.p1, self.distortion.p2],
+            attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
+            attitude_scale_rad: camera.attitude_sigma_rad,
+            height_sigma: self.height_sigma,
+            image_half_sides: [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px),
+            ..BundleOptions::default()
+        }
+    }
+}
+
 impl PairResult {
     /// The homography, whether or not it shows a turn.
     pub(super) fn robust(&self) -> Option<&RobustHomography> {
@@ -523,18 +550,27 @@ impl Pipeline<'_> {
         let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
             let e = estimate.as_ref()?;
             let floor = b.scene == SceneModel::Floor;
+            let covariance = joint.in_pixels(&e.covariance);
+            let sigma_deg = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt().to_degrees();
+            let [pitch_down_rad, roll_rad] = e.pitch_roll_rad;
+            let view = View { pitch_down_rad, roll_rad, yaw_rad: e.yaw_rad, centre: e.centre };
+            let over_floor = FloorView::new(&joint.intrinsics, &joint.distortion, &view).ok().filter(|_| floor);
             Some(ViewReport {
                 image: self.names[joint.images[v]].clone(),
                 attitude: joint.attitude_of_group.get(b.state.views[v].group).copied(),
                 origin: self.names[joint.images[e.origin]].clone(),
                 yaw_deg: e.yaw_rad.to_degrees(),
                 yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),
-                pitch_down_deg: e.pitch_roll_rad[0].to_degrees(),
-                roll_deg: e.pitch_roll_rad[1].to_degrees(),
+                pitch_down_deg: pitch_down_rad.to_degrees(),
+                pitch_down_sigma_deg: sigma_deg(0),
+                roll_deg: roll_rad.to_degrees(),
+                roll_sigma_deg: sigma_deg(1),
                 position: floor.then(|| e.centre.into()),
                 position_sigma: floor.then(|| e.centre_sigma.into()),
+                floor_from_image: over_floor.map(|o| FloorHomography::new(&o, &covariance)),
                 observations: e.observations,
                 weighted_rms: e.weighted_rms,
+                covariance,
             })
         };
         b.views.iter().enumerate().filter_map(report).collect()

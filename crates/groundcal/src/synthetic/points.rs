@@ -74,6 +74,9 @@ fn heading(yaw_rad: f64) -> Vector3<f64> {
     yaw_rotation(yaw_rad).transpose() * (attitude_rotation(0.0, 0.0).transpose() * Vector3::z())
 }
 
+/// Nominal [`PointScene::reach`].
+pub const REACH: f64 = 30.0;
+
 /// A scene of points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointScene {
@@ -91,6 +94,8 @@ pub struct PointScene {
     pub sigma_px: f64,
     /// Fraction of matches whose second point is anywhere in the image.
     pub outlier_fraction: f64,
+    /// How far floor points lie at most from below the first view, in its heights.
+    pub reach: f64,
     /// Seed of points and noise.
     pub seed: u64,
 }
@@ -122,6 +127,7 @@ impl PointScene {
             matches: 200,
             sigma_px: 1.0,
             outlier_fraction: 0.0,
+            reach: REACH,
             seed,
         }
     }
@@ -138,7 +144,7 @@ impl PointScene {
     }
 
     /// The matches of every motion. Points are drawn uniformly over the first image from what both views see of the
-    /// floor up to 30 heights away; a motion that shows too little of it has fewer.
+    /// floor within reach; a motion that shows too little of it has fewer.
     pub fn pairs(&self) -> Vec<SyntheticPair> {
         (0..self.motions.len()).map(|i| self.pair(i)).collect()
     }
@@ -172,7 +178,7 @@ impl PointScene {
             }
             let reach = -a.centre.z / ray.z;
             let point = Vector2::new(a.centre.x + reach * ray.x, a.centre.y + reach * ray.y);
-            if (point - a.centre.xy()).norm() > 30.0 * a.centre.z {
+            if (point - a.centre.xy()).norm() > self.reach * a.centre.z {
                 continue;
             }
             let Some(in_b) = project(&self.intrinsics, &b, &point).map(lens).filter(inside) else { continue };

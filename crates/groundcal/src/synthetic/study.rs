@@ -27,7 +27,7 @@ use crate::{
     statistics::NORMAL_95,
     synthetic::{
         bound::{HeightModel, cramer_rao_bound},
-        points::{MotionSpec, PointScene, SyntheticPair},
+        points::{MotionSpec, PointScene, REACH, SyntheticPair},
     },
 };
 
@@ -283,6 +283,7 @@ pub fn scene(condition: &Condition, seed: u64, trial: u64) -> PointScene {
         matches: condition.matches,
         sigma_px: condition.noise_px,
         outlier_fraction: 0.0,
+        reach: REACH,
         seed: own_seed,
     }
 }

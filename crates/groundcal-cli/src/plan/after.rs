@@ -1,0 +1,126 @@
+//! What `--after` takes from a calibration.
+
+use std::path::Path;
+
+use groundcal::{
+    absolute_conic::Constraint,
+    calibrate::{LensModel, Options},
+    camera::{GivenPrior, PriorParameter},
+    error::Error,
+    plan::{MIN_MATCHES, PlanOptions, Planner, Start},
+};
+
+use super::{PlanArgs, RigReport};
+use crate::{
+    error::CliError,
+    import::groundcal_json::{Calibration, Motion, Prior},
+};
+
+/// The names of the covariance's rows, in order.
+const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
+/// Least noise a plan knows, pixels: exact matches are somebody's simulation.
+const LEAST_NOISE_PX: f64 = 1e-3;
+
+/// A calibration to improve.
+pub struct Known {
+    file: Calibration,
+    /// Its covariance.
+    pub covariance: Start,
+    name: String,
+}
+
+/// Reads calibration.json, or that in a folder.
+pub fn read(path: &Path) -> Result<Known, CliError> {
+    let file = Calibration::read(path)?;
+    let name = path.display().to_string();
+    let fail =
+        |what: &str| CliError::Input(format!("{name}: {what}. Calibrate again with this version of the program"));
+    let c = file.covariance.as_ref().ok_or_else(|| fail("there is no covariance to start from"))?;
+    if c.parameters != PARAMETERS || c.matrix.len() != 7 || c.matrix.iter().any(|row| row.len() != 7) {
+        return Err(fail("the covariance is not 7 x 7 of fx, fy, cx, cy, skew, k1, k2"));
+    }
+    let covariance = Start::from_fn(|r, s| c.matrix[r][s]);
+    Ok(Known { covariance, name, file })
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+impl Known {
+    /// Height of the camera over the floor in metres, where the calibration knows it.
+    pub fn height_m(&self) -> Option<f64> {
+        self.file.camera_height_m
+    }
+
+    /// Camera, priors, noise and matches as this calibration has them, unless they are given.
+    pub fn options(&self, args: &PlanArgs, rig: &RigReport) -> Result<PlanOptions, CliError> {
+        let c = &self.file.camera;
+        let named = |n: &String| Constraint::ALL.into_iter().find(|k| k.name() == n.as_str());
+        let constraint = self.file.constraint.as_ref().and_then(named).unwrap_or(Constraint::Auto);
+        let prior = |p: &Prior| {
+            let parameter = PriorParameter::ALL.into_iter().find(|n| n.name() == p.parameter)?;
+            Some(GivenPrior { parameter, mean: p.mean, sigma: p.sigma })
+        };
+        let mut options = PlanOptions {
+            intrinsics: c.intrinsics(),
+            distortion: c.lens(),
+            size: c.size(),
+            rig: rig.rig(),
+            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(super::DEFAULT_NOISE_PX),
+            points: super::DEFAULT_POINTS,
+            motions: args.motions.unwrap_or(2) as usize,
+            calibration: Options {
+                constraint,
+                lens: LensModel::K1K2,
+                priors: self.file.priors.iter().filter_map(prior).collect(),
+                attitude_sigma_deg: args.attitude_sigma_deg.or(self.file.attitude_sigma_deg),
+                height_sigma: args.height_sigma.or(self.file.height_sigma),
+                ..Options::default()
+            },
+        };
+        options.points = match args.points {
+            Some(points) => f64::from(points),
+            None => self
+                .points(&Planner::new(&options, Some(&self.covariance)).map_err(|e| self.named(e))?)
+                .unwrap_or(super::DEFAULT_POINTS),
+        };
+        Ok(options)
+    }
+
+    /// What the library says of the file's numbers is said of the file.
+    fn named(&self, error: Error) -> CliError {
+        match error {
+            Error::InvalidInput(text) => CliError::Input(format!("{}: {text}", self.name)),
+            error => error.into(),
+        }
+    }
+
+    /// Noise of a coordinate: the residuals of the motions used, two coordinates of four being left over by the point, and what the
+    /// refinement found them to be too small by.
+    fn noise_px(&self) -> Option<f64> {
+        let rms = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
+        let refinement = self.file.fit.as_ref().and_then(|f| f.refinement.as_ref());
+        let factor = refinement.and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
+        let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
+        median(rms).map(|rms| (factor * rms / 2f64.sqrt()).max(LEAST_NOISE_PX))
+    }
+
+    /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
+    fn points(&self, planner: &Planner) -> Option<f64> {
+        let of = |m: &Motion| {
+            let attitude = self.file.attitudes.get(m.attitude?)?;
+            let spec = planner.motion(
+                attitude.pitch_down_deg.to_radians(),
+                attitude.roll_deg.to_radians(),
+                m.rotation_deg?.to_radians(),
+            );
+            let fraction = planner.shared_fraction(&spec);
+            // Of a sliver that the rig's axis leaves in view nothing follows.
+            (fraction > 0.05).then_some(m.matches? / fraction)
+        };
+        let all = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
+        median(all).map(|n| n.clamp(MIN_MATCHES, 1e6))
+    }
+}
