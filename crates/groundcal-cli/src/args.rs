@@ -11,6 +11,8 @@ use groundcal::{
     synthetic::study::Study,
 };
 
+use crate::{rectify::RectifyArgs, undistort::UndistortArgs};
+
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
 #[command(
@@ -35,6 +37,10 @@ pub enum Command {
     Render(RenderArgs),
     /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
     Simulate(SimulateArgs),
+    /// Metric bird's-eye pictures of the floor: of each view, or a mosaic of all
+    Rectify(RectifyArgs),
+    /// Images without their lens distortion, and the maps for OpenCV
+    Undistort(UndistortArgs),
 }
 
 /// `groundcal calibrate`.
