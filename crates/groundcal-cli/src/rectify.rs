@@ -516,12 +516,12 @@ fn world_file(grid: &FloorGrid) -> String {
     [right.x, right.y, down.x, down.y, origin.x, origin.y].map(|v| format!("{:?}\n", v + 0.0)).concat()
 }
 
-/// The largest of 1, 2 and 5 times a power of ten not above a value.
+/// The nearest of 1, 2 and 5 times a power of ten to a positive value, by their ratio.
 fn one_two_five(value: f64) -> f64 {
     let power = 10f64.powi(value.log10().floor() as i32);
-    // Products of the power are exact enough to be told from the value itself.
+    let apart = |s: &f64| (s / value).ln().abs();
     let steps = [1.0, 2.0, 5.0, 10.0].map(|s| s * power);
-    steps.into_iter().rfind(|s| *s <= value * (1.0 + 1e-9)).unwrap_or(power)
+    steps.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(power)
 }
 
 /// Three digits, not above the value.
@@ -541,7 +541,7 @@ mod tests {
     #[test]
     fn round_resolutions() {
         for (value, expected) in
-            [(487.0, 200.0), (500.0, 500.0), (999.9, 500.0), (1000.0, 1000.0), (0.03, 0.02), (3.3, 2.0)]
+            [(487.0, 500.0), (500.0, 500.0), (800.0, 1000.0), (1000.0, 1000.0), (0.03, 0.02), (3.3, 5.0)]
         {
             assert!((one_two_five(value) - expected).abs() < 1e-9 * expected, "{value}: {}", one_two_five(value));
         }
