@@ -468,9 +468,9 @@ fn bad_input_is_refused_by_name() {
     fails(
         &["rectify", &good, &at("examples/head")],
         INPUT,
-        &["none of the 10 images", "is a view of the calibration", "a.png"],
+        &["no image given (00a.jpg", "is a view of the calibration", "a.png"],
     );
-    fails(&["rectify", &good], INPUT, &["none of the 2 images of the calibration", "a.png", "Name their folder"]);
+    fails(&["rectify", &good], INPUT, &["no image of the calibration (a.png, b.png)", "Name their folder"]);
     fails(
         &["rectify", &good, &images, "--resolution", "1e6"],
         USAGE,
@@ -529,7 +529,10 @@ fn images_that_are_no_views_are_left_out_with_a_note() {
     let out = tempdir().unwrap();
     let (folder, a, head) = (text(tiled_folder()), text(&tiled_folder().join("a.png")), at("examples/head/00a.jpg"));
     let run = done(&["rectify", &folder, &a, &head, "--out", &text(out.path())]);
-    for words in ["note: left out 1 images", "00a.jpg", "no file for 1 of the calibration's images: b.png"] {
+    for words in [
+        "note: left out, as the calibration has no position for them: 00a.jpg",
+        "note: of the calibration's images not found: b.png",
+    ] {
         assert!(run.stderr.contains(words), "{}", run.stderr);
     }
 }
@@ -555,7 +558,8 @@ fn the_camera_of_undistorted_images_is_read_back() {
     done(&["undistort", &folder, &folder, "--out", &first, "--fit", "crop", "--format", "jpeg"]);
     let camera = read_json(&out.path().join("first/camera_undistorted.json"));
     assert_eq!((&camera["camera"]["distortion"]["model"], &camera["fit"]), (&json!("none"), &json!("crop")));
-    assert!(camera["camera"]["fx"].as_f64().unwrap() > 520.0, "cropping a barrel enlarges");
+    let fx = camera["camera"]["fx"].as_f64().unwrap();
+    assert!(fx > 300.0 && fx < 520.0, "the same camera would show less of a barrel than there is: {fx}");
     assert_eq!(camera["distorted_camera"]["distortion"]["k1"], -0.2);
     let camera = text(&out.path().join("first/camera_undistorted.json"));
     let second = text(&out.path().join("second"));

@@ -255,6 +255,6 @@ mod tests {
             let distance = grid.floor_from_pixel(&Vector2::new(x as f64, y as f64)).norm();
             assert!(distance < 0.906 || *coverage == 0, "{distance}");
         }
-        assert!(near.coverage.iter().any(|c| *c == 255));
+        assert!(near.coverage.contains(&255));
     }
 }
