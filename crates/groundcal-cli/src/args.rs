@@ -13,6 +13,7 @@ use groundcal::{
 
 use crate::experiment::ExperimentArgs;
 use crate::plan::PlanArgs;
+use crate::{rectify::RectifyArgs, undistort::UndistortArgs};
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
@@ -42,6 +43,10 @@ pub enum Command {
     Simulate(SimulateArgs),
     /// The four experiments of the paper on rendered scenes: tables of errors against exact truth
     Experiment(ExperimentArgs),
+    /// Metric bird's-eye pictures of the floor: of each view, or a mosaic of all
+    Rectify(RectifyArgs),
+    /// Images without their lens distortion, and the maps for OpenCV
+    Undistort(UndistortArgs),
 }
 
 /// `groundcal calibrate`.
@@ -110,7 +115,7 @@ pub struct CalibrateArgs {
 
     /// Height of the camera over the floor in metres at the first view (of each set of views that common points connect): gives
     /// positions in metres [default: that height is 1]
-    #[arg(long, value_name = "METRES", value_parser = parse_height)]
+    #[arg(long, value_name = "METRES", value_parser = parse_height, allow_negative_numbers = true)]
     pub camera_height: Option<f64>,
 
     /// Image size, for matches.csv and tracks.csv

@@ -7,10 +7,13 @@ mod export;
 mod import;
 mod load;
 mod plan;
+mod pictures;
 mod plot;
 mod progress;
+mod rectify;
 mod render_scene;
 mod simulate;
+mod undistort;
 
 use std::{
     io::{IsTerminal, Write},
@@ -35,6 +38,8 @@ fn main() -> ExitCode {
         Command::Plan(args) => plan::run(&args).and_then(|page| print(&page)),
         Command::Simulate(args) => simulate(&args),
         Command::Experiment(args) => experiment::run(&args),
+        Command::Rectify(args) => pictures_of(&args.out, args.threads, || rectify::run(&args)),
+        Command::Undistort(args) => pictures_of(&args.out, args.threads, || undistort::run(&args)),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -50,6 +55,21 @@ fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
     refuse_file(&args.out)?;
     start_threads(args.threads)?;
     print(&simulate::run(args)?)
+}
+
+/// A command that writes pictures and tells what it left out on standard error.
+fn pictures_of(
+    out: &Path,
+    threads: Option<u16>,
+    run: impl FnOnce() -> Result<(String, Vec<String>), CliError>,
+) -> Result<(), CliError> {
+    refuse_file(out)?;
+    start_threads(threads)?;
+    let (text, notes) = run()?;
+    for note in notes {
+        let _ = writeln!(std::io::stderr(), "note: {note}");
+    }
+    print(&text)
 }
 
 /// `--out` has to be a folder, or nothing yet.

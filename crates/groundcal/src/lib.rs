@@ -19,6 +19,7 @@
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
 //! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |
+//! | [`undistort`] | images as an ideal lens would have taken them |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
@@ -56,3 +57,4 @@ pub mod statistics;
 pub mod subsets;
 pub mod synthetic;
 pub mod transfer;
+pub mod undistort;
