@@ -14,6 +14,7 @@
 //! | [`attitude_groups`], [`motions`] | motions of one attitude; which pairs are plane-normal motions |
 //! | [`absolute_conic`], [`camera`] | constraints, rank, weighted solution; camera matrix in pixels |
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
+//! | [`camera_model`], [`camera_difference`] | a camera with any lens others describe; how far two differ, in pixels |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
@@ -26,6 +27,8 @@ pub mod attitude_groups;
 pub mod bundle;
 pub mod calibrate;
 pub mod camera;
+pub mod camera_difference;
+pub mod camera_model;
 pub mod circular_points;
 pub mod correspondence;
 pub mod distortion;
