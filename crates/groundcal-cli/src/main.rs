@@ -3,6 +3,7 @@
 mod args;
 mod error;
 mod export;
+mod import;
 mod load;
 mod plot;
 mod progress;

@@ -17,6 +17,7 @@
 //! | [`camera_model`], [`camera_difference`] | a camera with any lens others describe; how far two differ, in pixels |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
+//! | [`floor`], [`resample`] | pixels and points of the floor, with the lens; pictures through such maps |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
@@ -34,6 +35,7 @@ pub mod correspondence;
 pub mod distortion;
 pub mod error;
 pub mod features;
+pub mod floor;
 pub mod frame;
 pub mod homography;
 pub mod image;
@@ -45,6 +47,7 @@ pub mod linalg;
 pub mod motions;
 pub mod plane_view;
 pub mod ransac;
+pub mod resample;
 pub mod result;
 pub mod rotating;
 pub mod statistics;

@@ -1,0 +1,3 @@
+//! Reading calibrations back.
+
+pub mod groundcal_json;
