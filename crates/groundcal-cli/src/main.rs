@@ -1,10 +1,12 @@
 //! The groundcal program: floor photographs in, camera out.
 
 mod args;
+mod compare;
 mod error;
 mod export;
 mod import;
 mod load;
+mod man;
 mod plot;
 mod progress;
 mod render_scene;
@@ -18,7 +20,9 @@ use std::{
 
 use args::{CalibrateArgs, Cli, Command, SimulateArgs};
 use clap::Parser;
+use compare::CompareArgs;
 use error::CliError;
+use export::formats::Format;
 use groundcal::{
     calibrate::{Options, calibrate_images, calibrate_matches},
     distortion::Distortion,
@@ -31,6 +35,9 @@ fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate(&args),
         Command::Render(args) => render_scene::run(&args.scene, &args.out),
         Command::Simulate(args) => simulate(&args),
+        Command::Compare(args) => compare(&args),
+        Command::Completions(args) => print(&man::completions(args.shell)),
+        Command::Man(args) => refuse_file(&args.out).and_then(|()| man::write_pages(&args)),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -46,6 +53,13 @@ fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
     refuse_file(&args.out)?;
     start_threads(args.threads)?;
     print(&simulate::run(args)?)
+}
+
+fn compare(args: &CompareArgs) -> Result<(), CliError> {
+    if let Some(out) = &args.out {
+        refuse_file(out)?;
+    }
+    print(&compare::run(args)?)
 }
 
 /// `--out` has to be a folder, or nothing yet.
@@ -76,7 +90,9 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let times = progress.finish();
     let (calibration, images) = result?;
     if let Some(out) = &args.out {
-        write_results(out, &calibration)?;
+        for note in write_results(out, &calibration, &args.format)? {
+            let _ = writeln!(std::io::stderr(), "note: {note}");
+        }
     }
     let page =
         if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, images, args.verbose) };
@@ -147,13 +163,17 @@ fn options(args: &CalibrateArgs) -> Options {
     options
 }
 
-/// The files of `--out`; the folder is made if need be.
-fn write_results(out: &Path, calibration: &Calibration) -> Result<(), CliError> {
+/// The files of `--out`, `calibration.json` last; the folder is made if need be. Returns what the formats cannot say.
+fn write_results(out: &Path, calibration: &Calibration, formats: &[Format]) -> Result<Vec<String>, CliError> {
     std::fs::create_dir_all(out)
         .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
     let json = export::json(calibration)?;
-    export::write_whole(&out.join("camera_opencv.yaml"), export::opencv::yaml(calibration).as_bytes())?;
-    export::write_whole(&out.join("calibration.json"), json.as_bytes())
+    let rendered = export::formats::render(calibration, formats)?;
+    for file in &rendered.files {
+        export::write_whole(&out.join(file.name), file.content.as_bytes())?;
+    }
+    export::write_whole(&out.join("calibration.json"), json.as_bytes())?;
+    Ok(rendered.notes)
 }
 
 /// To standard output; a reader that has had enough (`| head`) is no fault.

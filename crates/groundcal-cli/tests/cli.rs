@@ -406,10 +406,21 @@ fn json_has_the_documented_keys() {
 }
 
 #[test]
-fn out_holds_the_two_files_and_the_same_json() {
+fn out_holds_every_format_and_the_same_json() {
     let run = tripod();
     let names: BTreeSet<&str> = run.files.iter().map(|f| f.0.as_str()).collect();
-    assert_eq!(names, BTreeSet::from(["calibration.json", "camera_opencv.yaml"]));
+    let expected = [
+        "calibration.json",
+        "camchain.yaml",
+        "camera_info.yaml",
+        "camera_matlab.csv",
+        "camera_opencv.yaml",
+        "cameras.txt",
+        "images.txt",
+        "points3D.txt",
+        "transforms.json",
+    ];
+    assert_eq!(names, BTreeSet::from(expected));
     let content = |name: &str| &run.files.iter().find(|f| f.0 == name).unwrap().1;
     assert_eq!(content("calibration.json"), &run.stdout);
     let yaml = content("camera_opencv.yaml");
