@@ -20,6 +20,7 @@ use crate::{
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
 #[command(
+    name = "groundcal",
     version,
     about,
     propagate_version = true,

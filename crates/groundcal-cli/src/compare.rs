@@ -369,13 +369,17 @@ fn summary(w: &mut String, all: &Comparisons) -> std::fmt::Result {
             Some(j) => {
                 let verdict =
                     if j.p_value < SIGNIFICANT_P { "more than their errors explain" } else { "within their errors" };
+                let chi_squared = if j.chi_squared < 1e5 {
+                    format!("{:.1}", j.chi_squared)
+                } else {
+                    format!("{:.1e}", j.chi_squared)
+                };
+                let p = if j.p_value < 1e-4 { "p < 0.0001".into() } else { format!("p = {:.4}", j.p_value) };
                 writeln!(
                     w,
-                    "Together ({}): chi-squared {:.1} with {} degrees of freedom, p = {}: {verdict}.",
+                    "Together ({}): chi-squared {chi_squared} with {} degrees of freedom, {p}: {verdict}.",
                     j.parameters.join(", "),
-                    j.chi_squared,
                     j.degrees_of_freedom,
-                    if j.p_value < 1e-4 { "less than 0.0001".into() } else { format!("{:.4}", j.p_value) },
                 )?;
             }
             None => {

@@ -33,7 +33,7 @@ use progress::Progress;
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Calibrate(args) => calibrate(&args),
-        Command::Render(args) => render_scene::run(&args.scene, &args.out),
+        Command::Render(args) => refuse_file(&args.out).and_then(|()| render_scene::run(&args.scene, &args.out)),
         Command::Simulate(args) => simulate(&args),
         Command::Compare(args) => compare(&args),
         Command::Completions(args) => print(&man::completions(args.shell)),
@@ -62,12 +62,25 @@ fn compare(args: &CompareArgs) -> Result<(), CliError> {
     print(&compare::run(args)?)
 }
 
-/// `--out` has to be a folder, or nothing yet.
+/// `--out` has to be a folder that can be written, or nothing yet: asked before minutes of work. Nothing is left behind.
 fn refuse_file(out: &Path) -> Result<(), CliError> {
     if out.exists() && !out.is_dir() {
         return Err(CliError::Usage(format!("--out {}: is a file; name a folder", out.display())));
     }
-    Ok(())
+    let here = Path::new(".");
+    let nearest = out.ancestors().map(|p| if p.as_os_str().is_empty() { here } else { p }).find(|p| p.exists());
+    let folder = nearest.unwrap_or(here);
+    if !folder.is_dir() {
+        let out = out.display();
+        return Err(CliError::Other(format!("cannot make the folder {out}: {} is a file", folder.display())));
+    }
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| {
+        CliError::Other(format!(
+            "--out {}: cannot write into {}: {e}. Name another folder",
+            out.display(),
+            folder.display()
+        ))
+    })
 }
 
 fn start_threads(threads: Option<u16>) -> Result<(), CliError> {

@@ -136,6 +136,7 @@ mod tests {
         assert_eq!(pages.len(), commands + 1);
         for (name, page) in pages {
             let text = String::from_utf8(page).unwrap();
+            assert!(text.contains(&format!("\n.TH {name} 1")), "{name}: {text}");
             assert!(text.contains(".TH ") && text.contains(".SH SYNOPSIS"), "{name}");
             let example = text.split_once("\n.SH EXAMPLE").unwrap_or_else(|| panic!("{name} has no example")).1;
             assert!(example.contains("groundcal "), "{name}: {example}");

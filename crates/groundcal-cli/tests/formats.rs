@@ -159,6 +159,11 @@ fn worlds_are_not_mixed() {
         .collect();
     assert_eq!(names, ["m0a", "m0b", "m3b"]);
     assert!(images.contains("other worlds"), "{images}");
+    let spaced = std::fs::read_to_string(folder.path().join("matches.csv")).unwrap().replace("m0b,", "m0 b,");
+    let spaced = write(folder.path(), "spaced.csv", spaced);
+    let other = text(&folder.path().join("spaced"));
+    let run = groundcal(&["calibrate", &spaced, "--image-size", "1280x960", "--out", &other, "--format", "colmap"]);
+    assert!(run.stderr.contains("first blank: \"m0 b\""), "{}", run.stderr);
     assert_eq!(read_json(&out.join("transforms.json"))["frames"].as_array().unwrap().len(), 3);
 }
 

@@ -122,7 +122,8 @@ fn errors_say_what_was_expected_and_found() {
         &["line 3", "\"x\""],
     );
     refused(&OPENCV_YAML.replace("data: [ 700., 0.,", "data: [ 700.,"), &["camera_matrix", "3 rows", "8 numbers"]);
-    refused(&OPENCV_YAML.replace("700.", ".Nan"), &["fx", "NaN"]);
+    refused(&OPENCV_YAML.replace("700.", ".Nan"), &["camera_matrix", "\".Nan\" is not a number"]);
+    refused(&OPENCV_YAML.replace("700.", ".nan"), &["fx is NaN"]);
     refused(&OPENCV_YAML.replace("700.", "-700."), &["fx is -700", "positive"]);
     refused(&ROS.replace("image_width: 800", "image_width: 0"), &["0 x 600"]);
     refused(&ROS.replace("299.5, 0, 0, 1]", "299.5, 0, 0.1, 1]"), &["camera_matrix", "0.1"]);

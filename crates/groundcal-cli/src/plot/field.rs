@@ -95,15 +95,18 @@ impl Field {
         if longest > 0.0 {
             // The longest arrow spans at most the way to the next; a round factor can be read off.
             let factor = round_down(0.95 * spacing / (longest * scale));
-            for row in (0..rows).step_by(ARROW_STEP) {
-                for column in (0..columns).step_by(ARROW_STEP) {
+            // Centred on points half a step inside, none leaves the picture.
+            let inside = |n: usize| (ARROW_STEP / 2..n.saturating_sub(ARROW_STEP / 2)).step_by(ARROW_STEP);
+            for row in inside(rows) {
+                for column in inside(columns) {
                     if let Some(v) = self.vectors[row * columns + column] {
-                        let from = place(node(column, columns, w), node(row, rows, h));
-                        arrow(&mut items, from, [v[0] * scale * factor, v[1] * scale * factor]);
+                        let [x, y] = place(node(column, columns, w), node(row, rows, h));
+                        let [dx, dy] = v.map(|d| d * scale * factor);
+                        arrow(&mut items, [x - 0.5 * dx, y - 0.5 * dy], [dx, dy]);
                     }
                 }
             }
-            notes.push(format!("Arrows are {} times as long as the differences.", short(factor)));
+            notes.push(format!("Arrows are {} times as long as the differences at their middles.", tick_text(factor)));
         }
         if self.vectors.iter().any(Option::is_none) {
             notes.push("Grey: one of the lens models gives nothing there.".into());
@@ -198,13 +201,13 @@ mod tests {
 
     #[test]
     fn arrows_point_where_the_differences_do() {
-        let grid = [5, 5];
+        let grid = [9, 9];
         let field = |v: Option<[f64; 2]>| Field {
             title: "t".into(),
             label: "px".into(),
             size: [101.0, 101.0],
             grid,
-            vectors: vec![v; 25],
+            vectors: vec![v; 81],
             notes: Vec::new(),
         };
         let lines = |f: &Field| -> Vec<Vec<[f64; 2]>> {
