@@ -15,6 +15,8 @@ use crate::{
     compare::CompareArgs,
     export::formats::Format,
     man::{CompletionsArgs, ManArgs},
+    rectify::RectifyArgs,
+    undistort::UndistortArgs,
 };
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
@@ -45,6 +47,10 @@ pub enum Command {
     Render(RenderArgs),
     /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
     Simulate(SimulateArgs),
+    /// Metric bird's-eye pictures of the floor: of each view, or a mosaic of all
+    Rectify(RectifyArgs),
+    /// Images without their lens distortion, and the maps for OpenCV
+    Undistort(UndistortArgs),
     /// How far calibrations differ: parameters with significance, reprojection in pixels
     Compare(CompareArgs),
     /// Shell completions, on standard output
@@ -116,6 +122,11 @@ pub struct CalibrateArgs {
     /// height; 0.3 and more: free) [default: estimated]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub height_sigma: Option<f64>,
+
+    /// Height of the camera over the floor in metres at the first view (of each set of views that common points connect): gives
+    /// positions in metres [default: that height is 1]
+    #[arg(long, value_name = "METRES", value_parser = parse_height)]
+    pub camera_height: Option<f64>,
 
     /// Image size, for matches.csv and tracks.csv
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
@@ -313,6 +324,12 @@ fn parse_prior(text: &str) -> Result<GivenPrior, String> {
     })?;
     let number = |s: &str| s.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);
     Ok(GivenPrior { parameter, mean: number(mean)?, sigma: number(sigma)? })
+}
+
+/// A length in metres, positive.
+pub fn parse_height(text: &str) -> Result<f64, String> {
+    let height = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && (1e-6..=1e6).contains(v));
+    height.ok_or_else(|| "expected a height in metres from 0.000001 to 1000000, for example 1.45".into())
 }
 
 fn parse_size(text: &str) -> Result<ImageSize, String> {

@@ -134,6 +134,14 @@ pub fn images(files: &[PathBuf]) -> Result<Vec<GrayImage>, CliError> {
 }
 
 fn image(path: &Path) -> Result<GrayImage, CliError> {
+    let decoded = decoded(path)?;
+    let size = ImageSize::new(decoded.width() as usize, decoded.height() as usize);
+    GrayImage::from_rows(size, grey(decoded))
+        .ok_or_else(|| CliError::Input(format!("{}: a pixel value is not a finite number", path.display())))
+}
+
+/// An image file, upright.
+pub fn decoded(path: &Path) -> Result<DynamicImage, CliError> {
     let fail = |what: String| CliError::Input(format!("{}: {what}", path.display()));
     let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot be read: {e}")))?;
     if bytes.is_empty() {
@@ -172,8 +180,7 @@ fn image(path: &Path) -> Result<GrayImage, CliError> {
     let orientation = decoder.orientation().map_err(damaged)?;
     let mut decoded = DynamicImage::from_decoder(decoder).map_err(damaged)?;
     decoded.apply_orientation(orientation);
-    let size = ImageSize::new(decoded.width() as usize, decoded.height() as usize);
-    GrayImage::from_rows(size, grey(decoded)).ok_or_else(|| fail("a pixel value is not a finite number".into()))
+    Ok(decoded)
 }
 
 /// Whether the image data end with an end-of-image marker; decoders fill the rest of a truncated file with grey. Segments are

@@ -7,10 +7,13 @@ mod export;
 mod import;
 mod load;
 mod man;
+mod pictures;
 mod plot;
 mod progress;
+mod rectify;
 mod render_scene;
 mod simulate;
+mod undistort;
 
 use std::{
     io::{IsTerminal, Write},
@@ -35,6 +38,8 @@ fn main() -> ExitCode {
         Command::Calibrate(args) => calibrate(&args),
         Command::Render(args) => refuse_file(&args.out).and_then(|()| render_scene::run(&args.scene, &args.out)),
         Command::Simulate(args) => simulate(&args),
+        Command::Rectify(args) => pictures_of(&args.out, args.threads, || rectify::run(&args)),
+        Command::Undistort(args) => pictures_of(&args.out, args.threads, || undistort::run(&args)),
         Command::Compare(args) => compare(&args),
         Command::Completions(args) => print(&man::completions(args.shell)),
         Command::Man(args) => refuse_file(&args.out).and_then(|()| man::write_pages(&args)),
@@ -60,6 +65,21 @@ fn compare(args: &CompareArgs) -> Result<(), CliError> {
         refuse_file(out)?;
     }
     print(&compare::run(args)?)
+}
+
+/// A command that writes pictures and tells what it left out on standard error.
+fn pictures_of(
+    out: &Path,
+    threads: Option<u16>,
+    run: impl FnOnce() -> Result<(String, Vec<String>), CliError>,
+) -> Result<(), CliError> {
+    refuse_file(out)?;
+    start_threads(threads)?;
+    let (text, notes) = run()?;
+    for note in notes {
+        let _ = writeln!(std::io::stderr(), "note: {note}");
+    }
+    print(&text)
 }
 
 /// `--out` has to be a folder that can be written, or nothing yet: asked before minutes of work. Nothing is left behind.
@@ -101,7 +121,10 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = Progress::new("reading");
     let result = run(args, &progress);
     let times = progress.finish();
-    let (calibration, images) = result?;
+    let (mut calibration, images) = result?;
+    if let Some(height_m) = args.camera_height {
+        calibration = calibration.with_camera_height(height_m)?;
+    }
     if let Some(out) = &args.out {
         for note in write_results(out, &calibration, &args.format)? {
             let _ = writeln!(std::io::stderr(), "note: {note}");

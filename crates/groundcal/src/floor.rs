@@ -11,10 +11,11 @@
 //! [`FloorView::floor_from_pixel`] include the lens. The third coordinate is positive in front of the camera, and below the
 //! horizon. Pixel (0, 0) is the centre of the top-left pixel; the floor is Z = 0 and has the unit of the view's centre.
 
-use nalgebra::{Matrix3, Vector2, Vector3};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use crate::{
-    attitude::rotation_cam_from_world,
+    attitude::{angles_from_rotation, rotation_cam_from_world},
+    bundle::VIEW_NUMBERS,
     distortion::Distortion,
     error::Error,
     image::ImageSize,
@@ -174,6 +175,56 @@ impl FloorView {
             polygon = clipped(&polygon, &side);
         }
         polygon.iter().filter(|q| q.z > 0.0).map(|q| Vector2::new(q.x / q.z, q.y / q.z)).collect()
+    }
+}
+
+/// How far each number of [`FloorView::derivative_by_numbers`] is moved for the difference, relative to a pixel or one.
+const STEP: f64 = 1e-6;
+
+impl FloorView {
+    /// Derivative of something made of a view by the numbers of [`ViewReport::covariance`]: fx, fy, cx, cy, skew (pixels), k1, k2,
+    /// pitch, roll, yaw (radians), x, y, height. Central differences.
+    pub fn derivative_by_numbers<const N: usize>(
+        &self,
+        value: impl Fn(&Self) -> SVector<f64, N>,
+    ) -> SMatrix<f64, N, VIEW_NUMBERS> {
+        let (pitch, roll, yaw) = angles_from_rotation(&self.rotation);
+        let moved = |i: usize, step: f64| {
+            let mut m = self.clone();
+            let (k, d) = (&mut m.intrinsics, &mut m.distortion);
+            let mut angles = [pitch, roll, yaw];
+            match i {
+                0 => k.fx += step,
+                1 => k.fy += step,
+                2 => k.cx += step,
+                3 => k.cy += step,
+                4 => k.skew += step,
+                5 => d.k1 += step,
+                6 => d.k2 += step,
+                7..=9 => angles[i - 7] += step,
+                _ => m.centre[i - 10] += step,
+            }
+            if (7..=9).contains(&i) {
+                m.rotation = rotation_cam_from_world(angles[0], angles[1], angles[2]);
+            }
+            value(&m)
+        };
+        let mut by = SMatrix::<f64, N, VIEW_NUMBERS>::zeros();
+        for i in 0..VIEW_NUMBERS {
+            let h = if i < 5 { STEP * self.intrinsics.fx } else { STEP };
+            by.set_column(i, &((moved(i, h) - moved(i, -h)) / (2.0 * h)));
+        }
+        by
+    }
+
+    /// Derivative of [`Self::floor_from_pixel`] by the same numbers; with their covariance it gives the error bars of points and
+    /// distances on the floor. `None` where no floor is seen.
+    pub fn floor_point_jacobian(&self, pixel: &Vector2<f64>) -> Option<SMatrix<f64, 2, VIEW_NUMBERS>> {
+        self.floor_from_pixel(pixel)?;
+        // What falls off the lens's edge within the step has no derivative.
+        let nowhere = Vector2::repeat(f64::NAN);
+        let by = self.derivative_by_numbers(|v| v.floor_from_pixel(pixel).unwrap_or(nowhere));
+        by.iter().all(|v| v.is_finite()).then_some(by)
     }
 }
 

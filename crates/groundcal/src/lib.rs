@@ -17,7 +17,8 @@
 //! | [`camera_model`], [`camera_difference`] | a camera with any lens others describe; how far two differ, in pixels |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
-//! | [`floor`], [`resample`] | pixels and points of the floor, with the lens; pictures through such maps |
+//! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |
+//! | [`undistort`] | images as an ideal lens would have taken them |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
@@ -47,8 +48,10 @@ pub mod linalg;
 pub mod motions;
 pub mod plane_view;
 pub mod ransac;
+pub mod rectify;
 pub mod resample;
 pub mod result;
 pub mod rotating;
 pub mod statistics;
 pub mod synthetic;
+pub mod undistort;

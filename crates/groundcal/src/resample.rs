@@ -223,6 +223,15 @@ pub struct Resampled {
     pub coverage: Vec<u8>,
 }
 
+impl Resampled {
+    /// From values and coverage side by side; `size` times `channels + 1` values.
+    pub(crate) fn from_interleaved(size: ImageSize, channels: usize, both: &[u8]) -> Self {
+        let coverage = both.iter().skip(channels).step_by(channels + 1).copied().collect();
+        let data = both.chunks_exact(channels + 1).flat_map(|p| p[..channels].iter().copied()).collect();
+        Self { picture: Raster { size, channels, data }, coverage }
+    }
+}
+
 /// The source as seen through a map from target to source pixels; see [`resample_into`]. `size` must not be empty.
 pub fn resample(
     source: &Pyramid,
@@ -237,9 +246,7 @@ pub fn resample(
         }
         out[channels] = rounded(255.0 * sample.coverage);
     });
-    let coverage = both.iter().skip(channels).step_by(channels + 1).copied().collect();
-    let data = both.chunks_exact(channels + 1).flat_map(|p| p[..channels].iter().copied()).collect();
-    Resampled { picture: Raster { size, channels, data }, coverage }
+    Resampled::from_interleaved(size, channels, &both)
 }
 
 /// The nearest 8-bit value.

@@ -3,9 +3,13 @@
 //! Pixels throughout, (0, 0) being the centre of the top-left pixel; angles in degrees where the name says so. The JSON
 //! form is documented in `docs/formats.md`.
 
+use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
-use crate::{distortion::Distortion, image::ImageSize, intrinsics::Intrinsics};
+use crate::{
+    bundle::VIEW_NUMBERS, distortion::Distortion, error::Error, floor::FloorView, image::ImageSize,
+    intrinsics::Intrinsics,
+};
 
 /// A calibrated camera, what it was made from, and what to beware of.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -27,6 +31,9 @@ pub struct Calibration {
     /// What the points were taken for: `floor`, or `directions` (a camera turning on the spot before a scene far away); `None`
     /// for the linear method.
     pub scene: Option<&'static str>,
+    /// Height of the origins' optical centres in metres where positions are in metres ([`Calibration::with_camera_height`]); `None`:
+    /// that height is the unit of length.
+    pub camera_height_m: Option<f64>,
     /// What was assumed beforehand and how much it counted.
     pub priors: Vec<Prior>,
     /// Standard deviation of each view's attitude about the axes across the floor's normal that the error bars allow
@@ -198,14 +205,26 @@ pub struct AttitudeReport {
     pub roll_deg: f64,
     /// Its standard deviation; `None` for the linear method.
     pub roll_sigma_deg: Option<f64>,
-    /// The horizon in the image: a x + b y + c = 0 in pixels, a² + b² = 1 (`None`: at infinity).
+    /// Height of the optical centre over the floor that its views have in common, in the world of `origin`; `None` without a floor
+    /// or for the linear method.
+    pub height: Option<f64>,
+    /// Its standard deviation.
+    pub height_sigma: Option<f64>,
+    /// Name of the image that is the origin of that world.
+    pub origin: Option<String>,
+    /// The horizon in the undistorted image: a x + b y + c = 0 in pixels, a² + b² = 1 (`None`: at infinity).
     pub horizon_px: Option<[f64; 3]>,
+    /// Standard deviation of its direction, in degrees; `None` for the linear method.
+    pub horizon_sigma_deg: Option<f64>,
+    /// Standard deviation of its distance from the image's centre, in pixels; `None` for the linear method.
+    pub horizon_sigma_px: Option<f64>,
     /// Motions that show it: indices into `motions`.
     pub motions: Vec<usize>,
 }
 
 /// A view of the joint refinement, in a world whose origin is the floor below the optical centre of the first view that common
-/// points connect it to, Z up, +X along that view's heading, the height of that optical centre being the unit of length.
+/// points connect it to, Z up, +X along that view's heading, the height of that optical centre being the unit of length (or
+/// [`Calibration::camera_height_m`] metres).
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ViewReport {
     /// Name of the image.
@@ -220,16 +239,84 @@ pub struct ViewReport {
     pub yaw_sigma_deg: f64,
     /// Angle of this view's optical axis below the horizontal, in degrees.
     pub pitch_down_deg: f64,
+    /// Its standard deviation in degrees.
+    pub pitch_down_sigma_deg: f64,
     /// This view's roll, in degrees.
     pub roll_deg: f64,
+    /// Its standard deviation in degrees.
+    pub roll_sigma_deg: f64,
     /// Optical centre: x, y, height (`None` for directions: nothing shows where the camera was).
     pub position: Option<[f64; 3]>,
     /// Standard deviations of the three.
     pub position_sigma: Option<[f64; 3]>,
+    /// Points of the floor from undistorted pixels (`None` for directions).
+    pub floor_from_image: Option<FloorHomography>,
     /// Points seen in it.
     pub observations: usize,
     /// Root mean square of its weighted residuals: 1 as expected, more where something does not fit.
     pub weighted_rms: f64,
+    /// Covariance of fx, fy, cx, cy, skew (pixels), k1, k2, pitch, roll, yaw (radians), x, y and height (the unit of `position`); zero
+    /// for what was held. Not written to JSON.
+    #[serde(skip)]
+    pub covariance: SMatrix<f64, VIEW_NUMBERS, VIEW_NUMBERS>,
+}
+
+/// The homography (X, Y, 1)ᵀ ~ H (x, y, 1)ᵀ from pixels of the image without its lens distortion to points of the floor. The third
+/// coordinate is positive below the horizon; the third row is the horizon.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FloorHomography {
+    /// H, in units of length of the world and pixels.
+    pub matrix: [[f64; 3]; 3],
+    /// Covariance of its nine numbers, row by row (the uncertainty of what the lens does to the pixels themselves is not in it).
+    pub covariance: [[f64; 9]; 9],
+}
+
+impl FloorHomography {
+    /// Of a view and the covariance of [`ViewReport::covariance`].
+    pub fn new(view: &FloorView, covariance: &SMatrix<f64, VIEW_NUMBERS, VIEW_NUMBERS>) -> Self {
+        let by = view
+            .derivative_by_numbers(|v| SVector::<f64, 9>::from_row_slice(v.floor_from_image().transpose().as_slice()));
+        let h = view.floor_from_image();
+        let c = by * covariance * by.transpose();
+        Self {
+            matrix: std::array::from_fn(|r| std::array::from_fn(|c| h[(r, c)])),
+            covariance: std::array::from_fn(|r| std::array::from_fn(|s| 0.5 * (c[(r, s)] + c[(s, r)]))),
+        }
+    }
+}
+
+impl Calibration {
+    /// The same with lengths in metres: the optical centre of every world's origin is `height_m` over the floor. The height is taken
+    /// as exact.
+    ///
+    /// # Errors
+    /// [`Error::InvalidOption`] when it is not positive.
+    pub fn with_camera_height(mut self, height_m: f64) -> Result<Self, Error> {
+        if !(height_m.is_finite() && height_m > 0.0) {
+            return Err(Error::InvalidOption(format!("camera height {height_m} m must be positive")));
+        }
+        let factor = height_m / self.camera_height_m.unwrap_or(1.0);
+        for a in &mut self.attitudes {
+            [&mut a.height, &mut a.height_sigma].into_iter().flatten().for_each(|v| *v *= factor);
+        }
+        for v in &mut self.views {
+            let lengths = [&mut v.position, &mut v.position_sigma].into_iter().flatten();
+            lengths.flatten().for_each(|x| *x *= factor);
+            let first = VIEW_NUMBERS - 3;
+            let scale = |i: usize| if i >= first { factor } else { 1.0 };
+            v.covariance = SMatrix::from_fn(|r, c| v.covariance[(r, c)] * scale(r) * scale(c));
+            if let Some(h) = &mut v.floor_from_image {
+                // X and Y are lengths, the third coordinate is none.
+                let scale = |i: usize| if i < 6 { factor } else { 1.0 };
+                h.matrix[..2].iter_mut().flatten().for_each(|x| *x *= factor);
+                for (r, row) in h.covariance.iter_mut().enumerate() {
+                    row.iter_mut().enumerate().for_each(|(c, x)| *x *= scale(r) * scale(c));
+                }
+            }
+        }
+        self.camera_height_m = Some(height_m);
+        Ok(self)
+    }
 }
 
 /// A pair of images.

@@ -136,6 +136,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
             attitude.map_or(f64::NAN, |a| a.roll_deg),
         )?;
     }
+    attitudes(w, c, &single)?;
     if verbose && !c.views.is_empty() {
         views(w, c, &single)?;
     }
@@ -147,6 +148,18 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
          rho: height of the second view over the floor in units of the first's (1: constant height);\n\
          pitch: optical axis below the horizon; roll: right-hand side down; both in degrees."
     )?;
+    if !c.attitudes.is_empty() {
+        let unit = match (c.camera_height_m, c.views.is_empty()) {
+            (Some(metres), _) => format!("height: {metres} m at the first view of each set"),
+            (None, false) => "height: 1 at the first view of each set".into(),
+            (None, true) => "height: not estimated".into(),
+        };
+        writeln!(
+            w,
+            "{unit}; horizon: of the undistorted image, turned clockwise against its rows,\n\
+             and how far above the image's centre it passes (square to it; negative: below)."
+        )?;
+    }
     if c.fit.refinement.is_some() {
         writeln!(
             w,
@@ -157,8 +170,9 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     if verbose && !c.views.is_empty() {
         writeln!(
             w,
-            "Views: +X is the heading of the view named as origin, Z up, its optical centre is at (0, 0, 1); heading\n\
-             anticlockwise seen from above."
+            "Views: +X is the heading of the view named as origin, Z up, its optical centre is at (0, 0, {}); heading\n\
+             anticlockwise seen from above.",
+            c.camera_height_m.map_or("1".into(), |m| format!("{m} m"))
         )?;
     }
     for warning in &c.warnings {
@@ -182,6 +196,37 @@ fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize) -> String {
         (Some(v), None) => format!("{v:.digits$}"),
         _ => "-".into(),
     }
+}
+
+/// The camera over the floor: angles, height and horizon of each attitude.
+fn attitudes(w: &mut String, c: &Calibration, rule: &str) -> std::fmt::Result {
+    if c.attitudes.is_empty() {
+        return Ok(());
+    }
+    writeln!(w, "{rule}")?;
+    let unit = if c.camera_height_m.is_some() { "height (m)" } else { "height" };
+    writeln!(
+        w,
+        "{:<10}{:>20}{:>20}{unit:>18}{:>14}{:>18}",
+        "attitude", "pitch (deg)", "roll (deg)", "horizon (deg)", "above centre (px)"
+    )?;
+    let [x, y] = c.camera.size().centre_px();
+    for (i, a) in c.attitudes.iter().enumerate() {
+        let (turned, above) = match a.horizon_px {
+            // Clockwise as the image is shown; the line's (a, b) points up, away from the floor.
+            Some([p, q, r]) => (format!("{:.3}", (-p / q).atan().to_degrees() + 0.0), Some(-(p * x + q * y + r))),
+            None => ("-".into(), None),
+        };
+        writeln!(
+            w,
+            "{i:<10}{:>20}{:>20}{:>18}{turned:>14}{:>18}",
+            with_sigma(Some(a.pitch_down_deg), a.pitch_down_sigma_deg, 3),
+            with_sigma(Some(a.roll_deg), a.roll_sigma_deg, 3),
+            with_sigma(a.height, a.height_sigma, 5),
+            with_sigma(above, a.horizon_sigma_px, 2),
+        )?;
+    }
+    writeln!(w, "{rule}")
 }
 
 /// Where each view is and where it looks.

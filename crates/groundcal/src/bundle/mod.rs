@@ -12,15 +12,16 @@
 
 pub mod layout;
 pub mod model;
+pub mod poses;
 pub mod problem;
 pub mod skyline;
 pub mod start;
 pub mod tracks;
 
-use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, SMatrix, Vector3};
+use rayon::prelude::*;
 
 use crate::{
-    attitude::{angles_from_rotation, attitude_from_up},
     error::Error,
     frame::Frame,
     levenberg_marquardt::{LmOptions, LmOutput, StopReason, minimise},
@@ -30,6 +31,8 @@ use crate::{
 
 use layout::{Ingredients, Layout, components_of};
 pub use model::{CAMERA, CameraVector, GroupState, SceneModel, ViewState};
+pub use poses::{GROUP_NUMBERS, VIEW_NUMBERS};
+use poses::{group_jacobian, group_numbers, pose_numbers, propagated, view_jacobian};
 pub use problem::State;
 use problem::{Problem, Reduced, STIFF};
 pub use skyline::SkylineCholesky;
@@ -79,8 +82,12 @@ impl Default for BundleOptions {
 pub struct GroupEstimate {
     /// Pitch (down) and roll, radians.
     pub pitch_roll_rad: [f64; 2],
-    /// Their covariance.
-    pub covariance: Matrix2<f64>,
+    /// Height over the floor, in the world of its views (directions: 1).
+    pub height: f64,
+    /// Covariance of the camera's numbers (frame units), pitch, roll (radians) and height; zero for what was held.
+    pub covariance: SMatrix<f64, GROUP_NUMBERS, GROUP_NUMBERS>,
+    /// First view of the connected set its views belong to.
+    pub origin: usize,
     /// The floor's upward normal in camera coordinates.
     pub up: Vector3<f64>,
 }
@@ -103,6 +110,8 @@ pub struct ViewEstimate {
     pub centre: Vector3<f64>,
     /// Standard deviations of the three.
     pub centre_sigma: Vector3<f64>,
+    /// Covariance of the camera's numbers (frame units), pitch, roll, yaw (radians), x, y and height; zero for what was held.
+    pub covariance: SMatrix<f64, VIEW_NUMBERS, VIEW_NUMBERS>,
     /// Root mean square of the weighted residuals of its observations (1: as expected).
     pub weighted_rms: f64,
     /// Observations.
@@ -276,7 +285,7 @@ pub fn adjust(
             return Ok(Bundle {
                 scene,
                 covariance: solution.camera_covariance() * widened,
-                groups: solution.groups(widened),
+                groups: solution.groups(&origin_of, widened),
                 views: solution.views(&origin_of, tracks, &squared_residuals, widened),
                 attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..attitude_sigma },
                 height_sigma: Component { sigma: problem.height_sigma, ..height_sigma },
@@ -507,29 +516,18 @@ impl Solution<'_> {
         self.block(self.problem.layout.camera)
     }
 
-    fn groups(&self, widened: f64) -> Vec<GroupEstimate> {
-        let columns = &self.problem.layout.groups;
-        self.state
-            .groups
-            .iter()
-            .zip(columns)
-            .map(|(g, c)| {
-                let up_of = |step: [f64; 2]| g.turned(step).column(2).into_owned();
-                let angles = |step: [f64; 2]| {
-                    let (pitch, roll) = attitude_from_up(&up_of(step));
-                    Vector2::new(pitch, roll)
-                };
-                const STEP: f64 = 1e-6;
-                let by = [[STEP, 0.0], [0.0, STEP]].map(|s| {
-                    let difference = angles(s) - angles(s.map(|v| -v));
-                    difference.map(wrapped) / (2.0 * STEP)
-                });
-                let jacobian = Matrix2::from_columns(&by);
-                let at = angles([0.0; 2]);
+    fn groups(&self, origin_of: &[usize], widened: f64) -> Vec<GroupEstimate> {
+        let inverse = |columns: &[usize]| self.factor.inverse_block(columns);
+        (0..self.state.groups.len())
+            .map(|g| {
+                let group = &self.state.groups[g];
+                let [pitch, roll, height] = group_numbers(group).into();
                 GroupEstimate {
-                    pitch_roll_rad: [at.x, at.y],
-                    covariance: jacobian * self.block([c[0], c[1]]) * jacobian.transpose() * widened,
-                    up: up_of([0.0; 2]),
+                    pitch_roll_rad: [pitch, roll],
+                    height,
+                    covariance: propagated(&group_jacobian(&self.problem.layout, self.state, g), inverse) * widened,
+                    up: group.attitude.column(2).into_owned(),
+                    origin: self.state.views.iter().position(|v| v.group == g).map_or(0, |v| origin_of[v]),
                 }
             })
             .collect()
@@ -552,49 +550,31 @@ impl Solution<'_> {
                 counts[o.view] += 1;
             }
         }
-        let pose = |v: usize| {
-            let view = &self.state.views[v];
-            model::Pose::new(SceneModel::Floor, &self.state.groups[view.group], view)
-        };
         (0..count)
+            .into_par_iter()
             .map(|v| {
                 let origin = origin_of[v];
                 if counts[v] == 0 {
                     return None;
                 }
-                let (view, at) = (&self.state.views[v], pose(v));
-                let (pitch, roll, yaw) = angles_from_rotation(&at.rotation);
-                let (_, _, heading) = angles_from_rotation(&pose(origin).rotation);
-                let (sin, cos) = heading.sin_cos();
-                let turn = Matrix2::new(cos, sin, -sin, cos);
-                let position = turn * view.position;
-                let columns = &self.problem.layout.views[v];
-                let group = &self.problem.layout.groups[view.group];
-                let height_columns = if v == origin { [usize::MAX; 2] } else { [group[2], columns[5]] };
-                let b =
-                    self.block([columns[2], columns[3], columns[4], height_columns[0], height_columns[1]]) * widened;
-                let plane = turn * b.fixed_view::<2, 2>(1, 1) * turn.transpose();
-                let height = if v == origin { 1.0 } else { at.centre().z };
-                let ln_height = b[(3, 3)] + b[(4, 4)] + 2.0 * b[(3, 4)];
-                let sd = |v: f64| v.max(0.0).sqrt();
+                let [pitch, roll, yaw, x, y, height] = pose_numbers(self.state, v, origin).into();
+                let jacobian = view_jacobian(&self.problem.layout, self.state, v, origin);
+                let covariance: SMatrix<f64, VIEW_NUMBERS, VIEW_NUMBERS> =
+                    propagated(&jacobian, |columns| self.factor.inverse_block(columns)) * widened;
+                let sd = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt();
                 Some(ViewEstimate {
                     origin,
-                    yaw_rad: wrapped(yaw - heading),
-                    yaw_sigma_rad: sd(b[(0, 0)]),
+                    yaw_rad: yaw,
+                    yaw_sigma_rad: sd(2),
                     pitch_roll_rad: [pitch, roll],
-                    delta_rad: view.delta_rad,
-                    centre: Vector3::new(position.x, position.y, height),
-                    centre_sigma: Vector3::new(sd(plane[(0, 0)]), sd(plane[(1, 1)]), height * sd(ln_height)),
+                    delta_rad: self.state.views[v].delta_rad,
+                    centre: Vector3::new(x, y, height),
+                    centre_sigma: Vector3::new(sd(3), sd(4), sd(5)),
+                    covariance,
                     weighted_rms: (sums[v] / counts[v] as f64).sqrt(),
                     observations: counts[v],
                 })
             })
             .collect()
     }
-}
-
-/// An angle in (-π, π].
-fn wrapped(angle: f64) -> f64 {
-    use std::f64::consts::{PI, TAU};
-    PI - (PI - angle).rem_euclid(TAU)
 }

@@ -23,11 +23,13 @@ use crate::{
     correspondence::{ImagePair, PointMatch},
     distortion::Distortion,
     error::Error,
+    floor::FloorView,
     frame::Frame,
     homography::{RobustHomography, refine::sampson_squared},
     intrinsics::Intrinsics,
     levenberg_marquardt::StopReason,
-    result::{Refinement, ResidualReport, ViewReport},
+    plane_view::View,
+    result::{FloorHomography, Refinement, ResidualReport, ViewReport},
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
@@ -79,6 +81,8 @@ pub(super) struct Joint {
     pub(super) distortion: Distortion,
     /// Covariance of (fx, fy, cx, cy, skew, k1, k2), pixels.
     pub(super) covariance_px: SMatrix<f64, CAMERA, CAMERA>,
+    /// Derivative of the same by the camera's numbers of the refinement.
+    by_camera: SMatrix<f64, CAMERA, CAMERA>,
 }
 
 impl Joint {
@@ -97,6 +101,7 @@ impl Joint {
             intrinsics,
             distortion: Distortion { k1: c[5], k2: c[6], p1, p2 },
             covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
+            by_camera: jacobian,
             images,
             ties: Vec::new(),
             floors: SharedFloors::default(),
@@ -105,10 +110,18 @@ impl Joint {
         }
     }
 
+    /// A covariance whose first numbers are the camera's of the refinement with these in pixels.
+    pub(super) fn in_pixels<const N: usize>(&self, covariance: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
+        let mut jacobian = SMatrix::<f64, N, N>::identity();
+        jacobian.fixed_view_mut::<CAMERA, CAMERA>(0, 0).copy_from(&self.by_camera);
+        jacobian * covariance * jacobian.transpose()
+    }
+
     /// The best known of the groups that have an attitude of the solution.
     pub(super) fn group_with(&self, attitude: usize) -> Option<&GroupEstimate> {
+        let tilt = |g: &GroupEstimate| g.covariance.fixed_view::<2, 2>(CAMERA, CAMERA).trace();
         let members = self.attitude_of_group.iter().zip(&self.bundle.groups).filter(|(a, _)| **a == attitude);
-        members.map(|(_, g)| g).min_by(|a, b| a.covariance.trace().total_cmp(&b.covariance.trace()))
+        members.map(|(_, g)| g).min_by(|a, b| tilt(a).total_cmp(&tilt(b)))
     }
 
     /// Covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units.
@@ -523,18 +536,27 @@ impl Pipeline<'_> {
         let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
             let e = estimate.as_ref()?;
             let floor = b.scene == SceneModel::Floor;
+            let covariance = joint.in_pixels(&e.covariance);
+            let sigma_deg = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt().to_degrees();
+            let [pitch_down_rad, roll_rad] = e.pitch_roll_rad;
+            let view = View { pitch_down_rad, roll_rad, yaw_rad: e.yaw_rad, centre: e.centre };
+            let over_floor = FloorView::new(&joint.intrinsics, &joint.distortion, &view).ok().filter(|_| floor);
             Some(ViewReport {
                 image: self.names[joint.images[v]].clone(),
                 attitude: joint.attitude_of_group.get(b.state.views[v].group).copied(),
                 origin: self.names[joint.images[e.origin]].clone(),
                 yaw_deg: e.yaw_rad.to_degrees(),
                 yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),
-                pitch_down_deg: e.pitch_roll_rad[0].to_degrees(),
-                roll_deg: e.pitch_roll_rad[1].to_degrees(),
+                pitch_down_deg: pitch_down_rad.to_degrees(),
+                pitch_down_sigma_deg: sigma_deg(0),
+                roll_deg: roll_rad.to_degrees(),
+                roll_sigma_deg: sigma_deg(1),
                 position: floor.then(|| e.centre.into()),
                 position_sigma: floor.then(|| e.centre_sigma.into()),
+                floor_from_image: over_floor.map(|o| FloorHomography::new(&o, &covariance)),
                 observations: e.observations,
                 weighted_rms: e.weighted_rms,
+                covariance,
             })
         };
         b.views.iter().enumerate().filter_map(report).collect()

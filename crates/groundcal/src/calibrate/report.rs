@@ -1,21 +1,22 @@
 //! The result value of a calibration: attitudes, reports of the pairs, warnings.
 
-use nalgebra::{Vector2, Vector3};
+use nalgebra::{SMatrix, Vector2, Vector3};
 
 use super::{
     HELD_ATTITUDE_SIGMA_DEG, Method, Pipeline, Stage, joint::Joint, linear::Chosen, pairs::PairResult,
     unknown_lens::LensFinding,
 };
 use crate::{
-    attitude::attitude_from_up,
+    attitude::{attitude_from_up, up_in_camera},
     attitude_groups::AttitudeGroup,
-    bundle::SceneModel,
+    bundle::{CAMERA, GROUP_NUMBERS, SceneModel},
     camera::{CameraSolution, check_certainty},
     circular_points::CircularPoint,
     correspondence::ImagePair,
     distortion::Distortion,
     error::Error,
     frame::Frame,
+    image::ImageSize,
     intrinsics::Intrinsics,
     lens_estimate::Lens,
     motions::Verdict,
@@ -181,14 +182,23 @@ impl Pipeline<'_> {
             .zip(&attitudes)
             .enumerate()
             .map(|(g, (group, attitude))| {
-                let covariance = joint.as_ref().and_then(|j| Some(j.group_with(g)?.covariance));
-                let sigma_deg = |i: usize| covariance.map(|c| c[(i, i)].max(0.0).sqrt().to_degrees());
+                let refined = joint.as_ref().and_then(|j| Some((j, j.group_with(g)?)));
+                let sigma = |i: usize| refined.map(|(_, g)| g.covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt());
+                let over_floor = refined.filter(|(j, _)| j.bundle.scene == SceneModel::Floor);
+                let horizon_sigma = refined.and_then(|(j, g)| {
+                    attitude.horizon_sigma(&solution.intrinsics, self.size, &j.in_pixels(&g.covariance))
+                });
                 AttitudeReport {
                     pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
-                    pitch_down_sigma_deg: sigma_deg(0),
+                    pitch_down_sigma_deg: sigma(0).map(f64::to_degrees),
                     roll_deg: attitude.roll_rad.to_degrees(),
-                    roll_sigma_deg: sigma_deg(1),
+                    roll_sigma_deg: sigma(1).map(f64::to_degrees),
+                    height: over_floor.map(|(_, g)| g.height),
+                    height_sigma: over_floor.and(sigma(2)),
+                    origin: over_floor.map(|(j, g)| self.names[j.images[g.origin]].clone()),
                     horizon_px: attitude.horizon_px,
+                    horizon_sigma_deg: horizon_sigma.map(|s| s[0].to_degrees()),
+                    horizon_sigma_px: horizon_sigma.map(|s| s[1]),
                     motions: group.members.iter().map(|&m| used[m]).collect(),
                 }
             })
@@ -389,6 +399,7 @@ impl Pipeline<'_> {
             },
             constraint: self.options.constraint.name().to_string(),
             method: if joint.is_some() { "joint" } else { "linear" },
+            camera_height_m: None,
             scene: joint.map(|j| match j.bundle.scene {
                 SceneModel::Floor => "floor",
                 SceneModel::Directions => "directions",
@@ -525,15 +536,38 @@ impl Attitude {
 
     /// From the unit normal itself.
     fn from_up(up: Vector3<f64>, k: &Intrinsics) -> Self {
-        let line = k.inverse_matrix().transpose() * up;
-        let length = line.xy().norm();
         let (pitch_down_rad, roll_rad) = attitude_from_up(&up);
-        Self {
-            pitch_down_rad,
-            roll_rad,
-            horizon_px: (length > 1e-12).then(|| [line.x / length, line.y / length, line.z / length]),
-            up,
+        Self { pitch_down_rad, roll_rad, horizon_px: horizon_px(k, &up), up }
+    }
+
+    /// Standard deviations of the horizon's direction (radians) and of its distance from the image's centre (pixels), from the
+    /// covariance of camera (pixels), pitch and roll (radians). `None`: at infinity.
+    fn horizon_sigma(
+        &self,
+        k: &Intrinsics,
+        size: ImageSize,
+        covariance: &SMatrix<f64, GROUP_NUMBERS, GROUP_NUMBERS>,
+    ) -> Option<[f64; 2]> {
+        let [x, y] = size.centre_px();
+        // The line's normal turns by the cross product, its distance changes by the difference.
+        let [a, b, c] = self.horizon_px?;
+        let moved = |i: usize, step: f64| {
+            let mut p = [k.fx, k.fy, k.cx, k.cy, k.skew, 0.0, 0.0, self.pitch_down_rad, self.roll_rad, 0.0];
+            p[i] += step;
+            let k = Intrinsics { fx: p[0], fy: p[1], cx: p[2], cy: p[3], skew: p[4] };
+            let [a2, b2, c2] = horizon_px(&k, &up_in_camera(p[7], p[8]))?;
+            Some([(a * b2 - b * a2).atan2(a * a2 + b * b2), (a2 - a) * x + (b2 - b) * y + (c2 - c)])
+        };
+        let mut jacobian = SMatrix::<f64, 2, GROUP_NUMBERS>::zeros();
+        for i in 0..GROUP_NUMBERS {
+            let h = if i < 5 { 1e-3 } else { 1e-6 };
+            let (up, down) = (moved(i, h)?, moved(i, -h)?);
+            for r in 0..2 {
+                jacobian[(r, i)] = (up[r] - down[r]) / (2.0 * h);
+            }
         }
+        let variance = jacobian * covariance * jacobian.transpose();
+        Some([0, 1].map(|i| variance[(i, i)].max(0.0).sqrt()))
     }
 
     /// +1 when the eigenvalue's angle is a counter-clockwise turn of the camera seen from above, -1 otherwise: the
@@ -541,6 +575,13 @@ impl Attitude {
     fn turn_sign(&self, point: &CircularPoint, k: &Intrinsics, frame: &Frame) -> f64 {
         normal_of(point, k, frame).dot(&self.up).signum()
     }
+}
+
+/// The line a x + b y + c = 0, a² + b² = 1, of a plane's normal; `None` at infinity.
+fn horizon_px(k: &Intrinsics, up: &Vector3<f64>) -> Option<[f64; 3]> {
+    let line = k.inverse_matrix().transpose() * up;
+    let length = line.xy().norm();
+    (length > 1e-12).then(|| [line.x / length, line.y / length, line.z / length])
 }
 
 fn normal_of(point: &CircularPoint, k: &Intrinsics, frame: &Frame) -> Vector3<f64> {
