@@ -4,6 +4,8 @@ use saphyr::{LoadableYamlNode, Scalar, Yaml};
 
 /// How deep values may be nested; calibrations need four levels.
 const MAX_DEPTH: usize = 32;
+/// Columns before the first word of a line.
+const MAX_LEAD: usize = 256;
 
 /// A value.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,18 +28,7 @@ impl Node {
         if text.starts_with("%YAML") {
             body = text.split_once('\n').map_or("", |t| t.1);
         }
-        // Deep nesting is refused before the parser, which may recurse, sees it.
-        let mut depth = 0usize;
-        for c in body.chars() {
-            match c {
-                '[' | '{' => depth += 1,
-                ']' | '}' => depth = depth.saturating_sub(1),
-                _ => {}
-            }
-            if depth > MAX_DEPTH {
-                return Err(format!("no calibration: brackets nested more than {MAX_DEPTH} deep"));
-            }
-        }
+        check_nesting(body)?;
         let documents =
             Yaml::load_from_str(body).map_err(|e| format!("neither YAML nor another format that is read ({e})"))?;
         match documents.first() {
@@ -48,6 +39,7 @@ impl Node {
 
     /// The values inside the root element of an XML text, as OpenCV writes it.
     pub fn from_xml(text: &str) -> Result<Self, String> {
+        check_elements(text)?;
         let document = roxmltree::Document::parse(text).map_err(|e| format!("damaged XML: {e}"))?;
         from_xml_node(&document.root_element(), 0)
     }
@@ -111,6 +103,43 @@ impl Node {
             }
         }
     }
+}
+
+/// Refuses deep nesting before a parser, which may recurse, sees it: brackets, and columns of indentation or of `- - -` before the
+/// first word of a line (each level of a block takes one at least).
+fn check_nesting(yaml: &str) -> Result<(), String> {
+    let mut depth = 0usize;
+    for line in yaml.lines() {
+        let lead = line.bytes().take_while(|b| matches!(b, b' ' | b'\t' | b'-' | b'?' | b':')).count();
+        for b in line.bytes() {
+            match b {
+                b'[' | b'{' => depth += 1,
+                b']' | b'}' => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            if depth > MAX_DEPTH || lead > MAX_LEAD {
+                return Err("no calibration: values nested too deep".into());
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The same for elements of XML.
+fn check_elements(xml: &str) -> Result<(), String> {
+    let mut depth = 0usize;
+    for (at, _) in xml.match_indices(['<', '/']) {
+        let next = xml.as_bytes().get(at + 1);
+        match (xml.as_bytes()[at], next) {
+            (b'<', Some(b'/')) | (b'/', Some(b'>')) => depth = depth.saturating_sub(1),
+            (b'<', Some(b'!' | b'?')) | (b'/', _) => {}
+            _ => depth += 1,
+        }
+        if depth > MAX_LEAD {
+            return Err("no calibration: XML elements nested too deep".into());
+        }
+    }
+    Ok(())
 }
 
 fn shortened(word: &str) -> String {

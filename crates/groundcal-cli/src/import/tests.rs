@@ -136,7 +136,8 @@ fn errors_say_what_was_expected_and_found() {
     refused(&OURS.replace("[0.1, 0.01]]", "[0.1]]"), &["covariance"]);
     // A machine's stack must not decide.
     refused(&"[".repeat(100_000), &["nested"]);
-    refused(&"- ".repeat(100_000), &["n"]);
+    refused(&"- ".repeat(100_000), &["nested"]);
+    refused(&"? ".repeat(100_000), &["nested"]);
     refused(&"<a>".repeat(100_000), &["XML"]);
 }
 
