@@ -125,7 +125,7 @@ pub struct CalibrateArgs {
 
     /// Height of the camera over the floor in metres at the first view (of each set of views that common points connect): gives
     /// positions in metres [default: that height is 1]
-    #[arg(long, value_name = "METRES", value_parser = parse_height)]
+    #[arg(long, value_name = "METRES", value_parser = parse_height, allow_negative_numbers = true)]
     pub camera_height: Option<f64>,
 
     /// Image size, for matches.csv and tracks.csv

@@ -20,6 +20,7 @@ use crate::{
     error::CliError,
     export::write_whole,
     import::groundcal_json::{Calibration, Placed},
+    load,
     pictures::{self, PictureFormat},
 };
 
@@ -52,17 +53,17 @@ pub struct RectifyArgs {
 
     /// Pixels for a camera height, or for a metre where lengths are in metres [default: that of the images' middling pixel, as 1, 2 or
     /// 5 times a power of ten]
-    #[arg(long, value_name = "PX", value_parser = parse_positive)]
+    #[arg(long, value_name = "PX", value_parser = parse_positive, allow_negative_numbers = true)]
     pub resolution: Option<f64>,
 
     /// How far from the point below the camera the floor is shown, in camera heights, or in metres where lengths are [default: 5 camera
     /// heights]
-    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive)]
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive, allow_negative_numbers = true)]
     pub extent: Option<f64>,
 
     /// Height of the camera over the floor in metres at the first view of each set [default: that of the calibration, else lengths are
     /// in camera heights]
-    #[arg(long, value_name = "METRES", value_parser = parse_height)]
+    #[arg(long, value_name = "METRES", value_parser = parse_height, allow_negative_numbers = true)]
     pub camera_height: Option<f64>,
 
     /// Which way is up in the picture
@@ -205,16 +206,15 @@ fn matched(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<S
         }
         if found.is_empty() {
             return Err(CliError::Input(format!(
-                "none of the {} images of the calibration ({}, ...) is beside it or in the current folder. Name their folder: groundcal \
-                 rectify {} FOLDER --out {}",
-                missing.len(),
-                missing.first().map_or("", String::as_str),
+                "no image of the calibration ({}) is beside it or in the current folder. Name their folder: groundcal rectify {} \
+                 FOLDER --out {}",
+                listed(&missing),
                 args.calibration.display(),
                 args.out.display()
             )));
         }
         if !missing.is_empty() {
-            notes.push(format!("no file for {} of the calibration's images: {}", missing.len(), listed(&missing)));
+            notes.push(format!("of the calibration's images not found: {}", listed(&missing)));
         }
         return Ok((found, notes));
     }
@@ -244,26 +244,25 @@ fn matched(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<S
             }
         }
     }
-    let others: Vec<String> =
-        files.iter().zip(&taken).filter(|(_, t)| !**t).map(|(f, _)| f.display().to_string()).collect();
+    let others: Vec<String> = files
+        .iter()
+        .zip(&taken)
+        .filter(|(_, t)| !**t)
+        .map(|(f, _)| load::names_of(std::slice::from_ref(f)).concat())
+        .collect();
     if found.is_empty() {
         return Err(CliError::Input(format!(
-            "none of the {} images given ({}) is a view of the calibration, which has {}. Give the images that were calibrated, under \
-             the names they had",
-            files.len(),
+            "no image given ({}) is a view of the calibration, which has {}. Give the images that were calibrated, under the names \
+             they had",
             listed(&others),
             listed(&missing)
         )));
     }
     if !others.is_empty() {
-        notes.push(format!(
-            "left out {} images that the calibration has no position for (no view of it, or not used): {}",
-            others.len(),
-            listed(&others)
-        ));
+        notes.push(format!("left out, as the calibration has no position for them: {}", listed(&others)));
     }
     if !missing.is_empty() {
-        notes.push(format!("no file for {} of the calibration's images: {}", missing.len(), listed(&missing)));
+        notes.push(format!("of the calibration's images not found: {}", listed(&missing)));
     }
     Ok((found, notes))
 }
@@ -304,11 +303,14 @@ impl Work<'_> {
         sets
     }
 
+    /// Outlines of the floor that a set sees, one after the other.
+    fn seen(&self, set: &[&Found]) -> Vec<Vector2<f64>> {
+        set.iter().flat_map(|f| f.placed.view.seen_floor(self.size, self.max_distance)).collect()
+    }
+
     /// The grid of a set; nothing where it sees no floor.
     fn grid(&self, set: &[&Found], resolution: f64) -> Option<FloorGrid> {
-        let seen: Vec<Vector2<f64>> =
-            set.iter().flat_map(|f| f.placed.view.seen_floor(self.size, self.max_distance)).collect();
-        FloorGrid::covering(&seen, &self.right(&set[0].placed.view), 1.0 / resolution)
+        FloorGrid::covering(&self.seen(set), &self.right(&set[0].placed.view), 1.0 / resolution)
     }
 
     /// Pixels for a unit of length: what was asked for, or that of the images; pictures must not become too large.
@@ -322,9 +324,14 @@ impl Work<'_> {
             ))
         })?;
         let sets = self.sets(found);
+        let seen: Vec<(Vector2<f64>, Vec<Vector2<f64>>)> =
+            sets.iter().map(|s| (self.right(&s[0].placed.view), self.seen(s))).filter(|s| !s.1.is_empty()).collect();
         let largest = |resolution: f64| {
-            let pixels = sets.iter().filter_map(|s| self.grid(s, resolution)).map(|g| g.pixels());
-            pixels.max().unwrap_or(u64::MAX)
+            // A grid beyond counting is too large.
+            let pixels = |(right, points): &(Vector2<f64>, Vec<Vector2<f64>>)| {
+                FloorGrid::covering(points, right, 1.0 / resolution).map_or(u64::MAX, |g| g.pixels())
+            };
+            seen.iter().map(pixels).max().unwrap_or(0)
         };
         match self.args.resolution {
             Some(resolution) => {
@@ -516,12 +523,12 @@ fn world_file(grid: &FloorGrid) -> String {
     [right.x, right.y, down.x, down.y, origin.x, origin.y].map(|v| format!("{:?}\n", v + 0.0)).concat()
 }
 
-/// The largest of 1, 2 and 5 times a power of ten not above a value.
+/// The nearest of 1, 2 and 5 times a power of ten to a positive value, by their ratio.
 fn one_two_five(value: f64) -> f64 {
     let power = 10f64.powi(value.log10().floor() as i32);
-    // Products of the power are exact enough to be told from the value itself.
+    let apart = |s: &f64| (s / value).ln().abs();
     let steps = [1.0, 2.0, 5.0, 10.0].map(|s| s * power);
-    steps.into_iter().rfind(|s| *s <= value * (1.0 + 1e-9)).unwrap_or(power)
+    steps.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(power)
 }
 
 /// Three digits, not above the value.
@@ -541,7 +548,7 @@ mod tests {
     #[test]
     fn round_resolutions() {
         for (value, expected) in
-            [(487.0, 200.0), (500.0, 500.0), (999.9, 500.0), (1000.0, 1000.0), (0.03, 0.02), (3.3, 2.0)]
+            [(487.0, 500.0), (500.0, 500.0), (800.0, 1000.0), (1000.0, 1000.0), (0.03, 0.02), (3.3, 5.0)]
         {
             assert!((one_two_five(value) - expected).abs() < 1e-9 * expected, "{value}: {}", one_two_five(value));
         }

@@ -162,7 +162,11 @@ fn worlds_are_not_mixed() {
     let spaced = std::fs::read_to_string(folder.path().join("matches.csv")).unwrap().replace("m0b,", "m0 b,");
     let spaced = write(folder.path(), "spaced.csv", spaced);
     let other = text(&folder.path().join("spaced"));
-    let run = groundcal(&["calibrate", &spaced, "--image-size", "1280x960", "--out", &other, "--format", "colmap"]);
+    let height = ["--camera-height", "3.0"];
+    let base = ["calibrate", &spaced, "--image-size", "1280x960", "--out", &other, "--format", "colmap"];
+    let run = groundcal(&[&base[..], &height].concat());
+    let metric = std::fs::read_to_string(folder.path().join("spaced/images.txt")).unwrap();
+    assert!(metric.contains("lengths in metres") && images.contains("lengths in heights"), "{metric}");
     assert!(run.stderr.contains("first blank: \"m0 b\""), "{}", run.stderr);
     assert_eq!(read_json(&out.join("transforms.json"))["frames"].as_array().unwrap().len(), 3);
 }

@@ -25,10 +25,10 @@ pub enum Fit {
 /// The undistortion of a camera's images.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Undistortion {
-    intrinsics: Intrinsics,
+    original: Intrinsics,
     distortion: Distortion,
     size: ImageSize,
-    undistorted: Intrinsics,
+    intrinsics: Intrinsics,
 }
 
 /// Points on each side of the image that say how far the undistorted scene reaches.
@@ -40,7 +40,7 @@ impl Undistortion {
     /// # Errors
     /// [`Error::InvalidInput`] when the lens model folds over within the image (`All`, `Crop`), where nothing can be undone.
     pub fn new(intrinsics: &Intrinsics, distortion: &Distortion, size: ImageSize, fit: Fit) -> Result<Self, Error> {
-        let mut new = Self { intrinsics: *intrinsics, distortion: *distortion, size, undistorted: *intrinsics };
+        let mut new = Self { original: *intrinsics, distortion: *distortion, size, intrinsics: *intrinsics };
         if fit == Fit::Same {
             return Ok(new);
         }
@@ -84,7 +84,7 @@ impl Undistortion {
         let scale = if fit == Fit::All { scales[0].min(scales[1]) } else { scales[0].max(scales[1]) };
         let k = intrinsics;
         let [x, y] = size.centre_px();
-        new.undistorted = Intrinsics {
+        new.intrinsics = Intrinsics {
             fx: k.fx * scale,
             fy: k.fy * scale,
             skew: k.skew * scale,
@@ -96,14 +96,14 @@ impl Undistortion {
 
     /// Camera matrix of the undistorted images, which have the size of the originals.
     pub fn intrinsics(&self) -> &Intrinsics {
-        &self.undistorted
+        &self.intrinsics
     }
 
     /// The pixel of the original at a pixel of the undistorted image; `None` beyond the lens's fold. It may lie outside the original.
     pub fn source_pixel(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let n = self.undistorted.normalised_from_pixel(pixel);
+        let n = self.intrinsics.normalised_from_pixel(pixel);
         let inside = self.distortion.is_none() || self.distortion.distort_jacobian(&n).determinant() > 0.0;
-        inside.then(|| self.intrinsics.pixel_from_normalised(&self.distortion.distort(&n)))
+        inside.then(|| self.original.pixel_from_normalised(&self.distortion.distort(&n)))
     }
 
     /// [`Self::source_pixel`] of every pixel, x and y, row by row; -1 (outside the original) beyond the fold.

@@ -45,8 +45,9 @@ pub fn images(world: &World) -> String {
         "# Image list with two lines of data per image:\n\
          #   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n\
          #   POINTS2D[] as (X, Y, POINT3D_ID)\n\
-         # World: the floor is Z = 0, Z up; lengths as in calibration.json.\n",
+         # World: the floor is Z = 0, Z up",
     );
+    let _ = writeln!(out, "; lengths in {}.", world.unit);
     if world.poses.is_empty() {
         out += "# No poses: the calibration has no positions of its views.\n";
     }

@@ -99,6 +99,8 @@ pub struct World<'a> {
     pub origin: Option<&'a str>,
     /// Views with a position in another world.
     pub left_out: Vec<&'a str>,
+    /// Unit of length, in words.
+    pub unit: &'static str,
 }
 
 impl<'a> World<'a> {
@@ -118,9 +120,11 @@ impl<'a> World<'a> {
             let r_cam_from_world = groundcal::attitude::rotation_cam_from_world(pitch, roll, yaw);
             Some(Pose { image: &v.image, r_cam_from_world, centre: v.position?.into() })
         });
+        let metres = calibration.camera_height_m.is_some();
         Self {
             poses: poses.collect(),
             origin,
+            unit: if metres { "metres" } else { "heights of the first camera" },
             left_out: placed().filter(|v| !inside(v)).map(|v| v.image.as_str()).collect(),
         }
     }

@@ -14,7 +14,7 @@ struct Transforms<'a> {
     camera_model: &'static str,
     pixel_centre: &'static str,
     camera_axes: &'static str,
-    world_axes: &'static str,
+    world_axes: String,
     #[serde(skip_serializing_if = "Option::is_none")]
     left_out: Option<String>,
     w: usize,
@@ -44,7 +44,7 @@ pub fn json(calibration: &Calibration, world: &World) -> Result<String, CliError
         camera_model: "OPENCV",
         pixel_centre: "(0.5,0.5) is the centre of the top-left pixel",
         camera_axes: "x right, y up, z backward (OpenGL)",
-        world_axes: "the floor is z = 0, z up; lengths as in calibration.json",
+        world_axes: format!("the floor is z = 0, z up; lengths in {}", world.unit),
         left_out: (!world.left_out.is_empty()).then(|| world.what_is_left_out()),
         w: c.image_size[0],
         h: c.image_size[1],

@@ -235,14 +235,14 @@ fn views(w: &mut String, c: &Calibration, rule: &str) -> std::fmt::Result {
     let width = c.views.iter().map(|v| v.image.len()).max().unwrap_or(4).clamp(8, 24);
     writeln!(
         w,
-        "{:<width$}  {:<width$}{:>18}{:>9}{:>8}{:>17}{:>17}{:>10}",
+        "{:<width$}  {:<width$}{:>17}{:>8}{:>8}{:>16}{:>16}{:>16}",
         "view", "origin", "heading (deg)", "pitch", "roll", "x", "y", "height"
     )?;
     for v in &c.views {
         let coordinate = |i: usize| with_sigma(v.position.map(|p| p[i]), v.position_sigma.map(|s| s[i]), 4);
         writeln!(
             w,
-            "{:<width$}  {:<width$}{:>18}{:>9.2}{:>8.2}{:>17}{:>17}{:>10}",
+            "{:<width$}  {:<width$}{:>17}{:>8.2}{:>8.2}{:>16}{:>16}{:>16}",
             v.image,
             v.origin,
             with_sigma(Some(v.yaw_deg), Some(v.yaw_sigma_deg), 3),
@@ -250,7 +250,7 @@ fn views(w: &mut String, c: &Calibration, rule: &str) -> std::fmt::Result {
             v.roll_deg,
             coordinate(0),
             coordinate(1),
-            v.position.map_or("-".into(), |p| format!("{:.4}", p[2])),
+            coordinate(2),
         )?;
     }
     writeln!(w, "{rule}")
