@@ -51,10 +51,11 @@ pub fn write_pages(args: &ManArgs) -> Result<(), CliError> {
 
 /// Name and text of every page: the program's, then that of each command.
 fn pages() -> std::io::Result<Vec<(String, Vec<u8>)>> {
-    let mut whole = Cli::command();
+    // `groundcal help` has no page of its own, so none is referred to.
+    let mut whole = Cli::command().disable_help_subcommand(true);
     whole.build();
     let mut pages = vec![("groundcal".to_string(), page(whole.clone(), true)?)];
-    for command in whole.get_subcommands().filter(|c| c.get_name() != "help") {
+    for command in whole.get_subcommands() {
         // `build` has given each command its display name, from which the page's head is made.
         pages.push((format!("groundcal-{}", command.get_name()), page(command.clone(), false)?));
     }
@@ -138,6 +139,7 @@ mod tests {
             let text = String::from_utf8(page).unwrap();
             assert!(text.contains(&format!("\n.TH {name} 1")), "{name}: {text}");
             assert!(text.contains(".TH ") && text.contains(".SH SYNOPSIS"), "{name}");
+            assert!(!text.contains("groundcal\\-help"), "{name}");
             let example = text.split_once("\n.SH EXAMPLE").unwrap_or_else(|| panic!("{name} has no example")).1;
             assert!(example.contains("groundcal "), "{name}: {example}");
         }

@@ -65,6 +65,12 @@ pub fn render(calibration: &Calibration, formats: &[Format]) -> Result<Files, Cl
     if (has(Format::Colmap) || has(Format::Nerfstudio)) && !world.left_out.is_empty() {
         notes.push(world.what_is_left_out());
     }
+    if let Some(pose) = world.poses.iter().find(|p| has(Format::Colmap) && p.image.contains(char::is_whitespace)) {
+        notes.push(format!(
+            "COLMAP reads the name of an image up to the first blank: \"{}\" will not be found. Rename the file",
+            pose.image
+        ));
+    }
     let unable: Vec<&str> =
         [(Format::Kalibr, "camchain.yaml"), (Format::Colmap, "cameras.txt"), (Format::Nerfstudio, "transforms.json")]
             .iter()

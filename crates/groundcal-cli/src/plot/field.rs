@@ -7,7 +7,7 @@ use super::{
 const WIDTH: f64 = 800.0;
 const LEFT: f64 = 76.0;
 /// Colour bar and its numbers.
-const RIGHT: f64 = 112.0;
+const RIGHT: f64 = 124.0;
 const TOP: f64 = 46.0;
 const MAX_HEIGHT: f64 = 640.0;
 const NOTE_ROW: f64 = 18.0;
@@ -160,7 +160,7 @@ fn bar(items: &mut Vec<Item>, left: f64, height: f64, longest: f64, label: &str)
         items.push(Item::Line { points, color: GREY, width: 1.0, dash: &[] });
         items.push(text([left + BAR_WIDTH + 7.0, y + 4.5], &short(part * longest), TICK_SIZE, Anchor::Start, BLACK));
     }
-    items.push(upwards([left + BAR_WIDTH + 70.0, TOP + height / 2.0], label));
+    items.push(upwards([left + BAR_WIDTH + 80.0, TOP + height / 2.0], label));
 }
 
 /// A line with a head, on a pale rim that shows it on dark ground.
