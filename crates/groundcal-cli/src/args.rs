@@ -11,18 +11,28 @@ use groundcal::{
     synthetic::study::Study,
 };
 
-use crate::experiment::ExperimentArgs;
-use crate::plan::PlanArgs;
-use crate::{rectify::RectifyArgs, undistort::UndistortArgs};
+use crate::{
+    compare::CompareArgs,
+    experiment::ExperimentArgs,
+    export::formats::Format,
+    man::{CompletionsArgs, ManArgs},
+    plan::PlanArgs,
+    rectify::RectifyArgs,
+    undistort::UndistortArgs,
+};
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
 #[command(
+    name = "groundcal",
     version,
     about,
     propagate_version = true,
-    after_help = "Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot determine what was asked, 4 unreadable or \
-                  unusable input, 1 anything else."
+    after_help = "Example:
+  groundcal calibrate photos/ --out result/
+
+Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot determine what was asked, 4 unreadable or
+unusable input, 1 anything else."
 )]
 pub struct Cli {
     /// What to do.
@@ -47,6 +57,12 @@ pub enum Command {
     Rectify(RectifyArgs),
     /// Images without their lens distortion, and the maps for OpenCV
     Undistort(UndistortArgs),
+    /// How far calibrations differ: parameters with significance, reprojection in pixels
+    Compare(CompareArgs),
+    /// Shell completions, on standard output
+    Completions(CompletionsArgs),
+    /// Manual pages
+    Man(ManArgs),
 }
 
 /// `groundcal calibrate`.
@@ -130,9 +146,13 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(50..=50_000))]
     pub max_features: u32,
 
-    /// Write calibration.json and camera_opencv.yaml into this folder (made if need be)
+    /// Write calibration.json and the camera in the formats of other programs into this folder (made if need be)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+
+    /// Formats written into --out beside calibration.json, separated by commas [default: all]
+    #[arg(long, value_name = "NAME", value_enum, value_delimiter = ',', requires = "out")]
+    pub format: Vec<Format>,
 
     /// Print the calibration as JSON on standard output and nothing else there
     #[arg(long)]

@@ -270,19 +270,47 @@ struct Table {
 
 impl Table {
     fn read(path: &Path) -> Result<Self, CliError> {
-        let fail = |e: csv::Error| CliError::Input(format!("{}: {e}", path.display()));
-        let mut reader =
-            csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_path(path).map_err(fail)?;
-        let headers = reader.headers().map_err(fail)?.clone();
-        let columns =
-            headers.iter().enumerate().map(|(i, n)| (n.trim_start_matches('\u{feff}').to_string(), i)).collect();
+        let fail = |what: String| CliError::Input(format!("{}: {what}", path.display()));
+        let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot be read: {e}")))?;
+        let text = String::from_utf8(bytes).map_err(|e| {
+            fail(format!("not text in UTF-8 (byte {}). Save it as UTF-8", e.utf8_error().valid_up_to()))
+        })?;
+        // Comments and blank lines go first, the lines that stay keep their numbers: the CSV reader miscounts after comments.
+        let mut lines: Vec<u64> = Vec::new();
+        let mut data = String::with_capacity(text.len());
+        for (number, line) in (1..).zip(text.trim_start_matches('\u{feff}').lines()) {
+            if !line.trim().is_empty() && !line.trim_start().starts_with('#') {
+                lines.push(number);
+                data.push_str(line);
+                data.push('\n');
+            }
+        }
+        let line_of = |position: Option<&csv::Position>| {
+            let kept = position.map_or(1, csv::Position::line).max(1) as usize - 1;
+            lines.get(kept).copied().unwrap_or(0)
+        };
+        let damaged = |e: csv::Error| match e.kind() {
+            csv::ErrorKind::UnequalLengths { pos, expected_len, len } => CliError::Input(format!(
+                "{} line {}: {len} fields where the header has {expected_len} fields. Correct or remove the line",
+                path.display(),
+                line_of(pos.as_ref())
+            )),
+            _ => fail(e.to_string()),
+        };
+        let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(data.as_bytes());
+        let mut columns: HashMap<String, usize> = HashMap::new();
+        for (i, name) in reader.headers().map_err(damaged)?.iter().enumerate() {
+            if columns.insert(name.to_string(), i).is_some() && !name.is_empty() {
+                return Err(fail(format!("the column {name} is there twice. Rename or remove one")));
+            }
+        }
         let mut rows = Vec::new();
         for record in reader.records() {
-            let record = record.map_err(fail)?;
-            rows.push((record.position().map_or(0, csv::Position::line), record));
+            let record = record.map_err(damaged)?;
+            rows.push((line_of(record.position()), record));
         }
         if rows.is_empty() {
-            return Err(CliError::Input(format!("{}: no rows below the header", path.display())));
+            return Err(fail("no rows below the header".into()));
         }
         Ok(Self { path: path.to_path_buf(), columns, rows })
     }

@@ -1,12 +1,14 @@
 //! The groundcal program: floor photographs in, camera out.
 
 mod args;
+mod compare;
 mod error;
 mod experiment;
 mod export;
 mod import;
 mod load;
 mod plan;
+mod man;
 mod pictures;
 mod plot;
 mod progress;
@@ -23,7 +25,9 @@ use std::{
 
 use args::{CalibrateArgs, Cli, Command, SimulateArgs};
 use clap::Parser;
+use compare::CompareArgs;
 use error::CliError;
+use export::formats::Format;
 use groundcal::{
     calibrate::{Options, calibrate_images, calibrate_matches},
     distortion::Distortion,
@@ -34,12 +38,15 @@ use progress::Progress;
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Calibrate(args) => calibrate(&args),
-        Command::Render(args) => render_scene::run(&args.scene, &args.out),
         Command::Plan(args) => plan::run(&args).and_then(|page| print(&page)),
+        Command::Render(args) => refuse_file(&args.out).and_then(|()| render_scene::run(&args.scene, &args.out)),
         Command::Simulate(args) => simulate(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Rectify(args) => pictures_of(&args.out, args.threads, || rectify::run(&args)),
         Command::Undistort(args) => pictures_of(&args.out, args.threads, || undistort::run(&args)),
+        Command::Compare(args) => compare(&args),
+        Command::Completions(args) => print(&man::completions(args.shell)),
+        Command::Man(args) => refuse_file(&args.out).and_then(|()| man::write_pages(&args)),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -57,6 +64,13 @@ fn simulate(args: &SimulateArgs) -> Result<(), CliError> {
     print(&simulate::run(args)?)
 }
 
+fn compare(args: &CompareArgs) -> Result<(), CliError> {
+    if let Some(out) = &args.out {
+        refuse_file(out)?;
+    }
+    print(&compare::run(args)?)
+}
+
 /// A command that writes pictures and tells what it left out on standard error.
 fn pictures_of(
     out: &Path,
@@ -72,12 +86,25 @@ fn pictures_of(
     print(&text)
 }
 
-/// `--out` has to be a folder, or nothing yet.
+/// `--out` has to be a folder that can be written, or nothing yet: asked before minutes of work. Nothing is left behind.
 fn refuse_file(out: &Path) -> Result<(), CliError> {
     if out.exists() && !out.is_dir() {
         return Err(CliError::Usage(format!("--out {}: is a file; name a folder", out.display())));
     }
-    Ok(())
+    let here = Path::new(".");
+    let nearest = out.ancestors().map(|p| if p.as_os_str().is_empty() { here } else { p }).find(|p| p.exists());
+    let folder = nearest.unwrap_or(here);
+    if !folder.is_dir() {
+        let out = out.display();
+        return Err(CliError::Other(format!("cannot make the folder {out}: {} is a file", folder.display())));
+    }
+    tempfile::tempfile_in(folder).map(drop).map_err(|e| {
+        CliError::Other(format!(
+            "--out {}: cannot write into {}: {e}. Name another folder",
+            out.display(),
+            folder.display()
+        ))
+    })
 }
 
 fn start_threads(threads: Option<u16>) -> Result<(), CliError> {
@@ -103,7 +130,9 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
         calibration = calibration.with_camera_height(height_m)?;
     }
     if let Some(out) = &args.out {
-        write_results(out, &calibration)?;
+        for note in write_results(out, &calibration, &args.format)? {
+            let _ = writeln!(std::io::stderr(), "note: {note}");
+        }
     }
     let page =
         if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, images, args.verbose) };
@@ -174,13 +203,17 @@ fn options(args: &CalibrateArgs) -> Options {
     options
 }
 
-/// The files of `--out`; the folder is made if need be.
-fn write_results(out: &Path, calibration: &Calibration) -> Result<(), CliError> {
+/// The files of `--out`, `calibration.json` last; the folder is made if need be. Returns what the formats cannot say.
+fn write_results(out: &Path, calibration: &Calibration, formats: &[Format]) -> Result<Vec<String>, CliError> {
     std::fs::create_dir_all(out)
         .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
     let json = export::json(calibration)?;
-    export::write_whole(&out.join("camera_opencv.yaml"), export::opencv::yaml(calibration).as_bytes())?;
-    export::write_whole(&out.join("calibration.json"), json.as_bytes())
+    let rendered = export::formats::render(calibration, formats)?;
+    for file in &rendered.files {
+        export::write_whole(&out.join(file.name), file.content.as_bytes())?;
+    }
+    export::write_whole(&out.join("calibration.json"), json.as_bytes())?;
+    Ok(rendered.notes)
 }
 
 /// To standard output; a reader that has had enough (`| head`) is no fault.

@@ -190,7 +190,31 @@ fn not_a_number_in_csv() {
 fn short_line_in_csv() {
     let folder = tempdir().unwrap();
     let csv = write(folder.path(), "matches.csv", "image_a,image_b,xa,ya,xb,yb\na,b,10,10,12,11\na,b,400,30\n");
-    refused(&[&csv, "--image-size", "640x480"], INPUT, &["matches.csv", "line: 3", "4 fields", "6 fields"]);
+    refused(&[&csv, "--image-size", "640x480"], INPUT, &["matches.csv", "line 3", "4 fields", "6 fields"]);
+}
+
+#[test]
+fn comments_and_blank_lines_are_skipped_and_counted() {
+    let scene = PointScene::nominal(6);
+    let plain = matches_csv(&scene);
+    let folder = tempdir().unwrap();
+    let options = ["--image-size", "1280x960", "--method", "linear"];
+    let run = |name: &str, csv: &str| {
+        let csv = write(folder.path(), name, csv);
+        calibrate(&[&[csv.as_str()][..], &options].concat())
+    };
+    let lines: Vec<&str> = plain.lines().collect();
+    let commented =
+        format!("\u{feff}# of a test\n\n{}\n  # indented\n   \t\n{}\n# the end", lines[0], lines[1..].join("\n"));
+    assert_eq!(run("commented.csv", &commented).json(), run("plain.csv", &plain).json());
+    // Lines 1 and 3 are comments, 4 is blank: the bad value stands in line 6 of the file.
+    let bad = format!("# one\n{}\n# three\n \n{}\nm0a,m0b,1,2,3,four,1\n", lines[0], lines[1]);
+    let message = run("bad.csv", &bad).stderr;
+    assert!(message.contains("line 6: yb is \"four\""), "{message}");
+    let message = run("short.csv", &bad.replace(",3,four,1", "")).stderr;
+    assert!(message.contains("line 6: 4 fields where the header has 7"), "{message}");
+    let message = run("twice.csv", &plain.replacen("sigma_px", "xa", 1)).stderr;
+    assert!(message.contains("the column xa is there twice"), "{message}");
 }
 
 #[test]
@@ -325,6 +349,23 @@ fn out_that_cannot_be_made() {
     assert!(outcome.stderr.contains("cannot make the folder") && outcome.stderr.contains(&out), "{}", outcome.stderr);
 }
 
+#[test]
+fn out_that_cannot_be_written_is_noticed_first() {
+    let folder = tempdir().unwrap();
+    let file = write(folder.path(), "file", "x");
+    // The input does not exist either: the folder is asked about before it is looked for.
+    let run = groundcal(&["calibrate", "nowhere", "--out", &format!("{file}/sub/folder")]);
+    assert!(run.code == 1 && run.stderr.contains("file is a file"), "{} {}", run.code, run.stderr);
+    // A folder in which even the superuser can make nothing.
+    if Path::new("/proc/sys").is_dir() {
+        let run = groundcal(&["calibrate", "nowhere", "--out", "/proc/sys/new"]);
+        assert!(run.code == 1 && run.stderr.contains("cannot write into /proc/sys"), "{} {}", run.code, run.stderr);
+    }
+    let new = folder.path().join("new");
+    assert_eq!(groundcal(&["calibrate", "nowhere", "--out", &text(&new)]).code, INPUT);
+    assert!(!new.exists(), "asking makes nothing");
+}
+
 // ---- Exit code 0: a camera.
 
 /// The example set calibrated once for several tests: standard output, and the files of `--out` with their content.
@@ -406,10 +447,21 @@ fn json_has_the_documented_keys() {
 }
 
 #[test]
-fn out_holds_the_two_files_and_the_same_json() {
+fn out_holds_every_format_and_the_same_json() {
     let run = tripod();
     let names: BTreeSet<&str> = run.files.iter().map(|f| f.0.as_str()).collect();
-    assert_eq!(names, BTreeSet::from(["calibration.json", "camera_opencv.yaml"]));
+    let expected = [
+        "calibration.json",
+        "camchain.yaml",
+        "camera_info.yaml",
+        "camera_matlab.csv",
+        "camera_opencv.yaml",
+        "cameras.txt",
+        "images.txt",
+        "points3D.txt",
+        "transforms.json",
+    ];
+    assert_eq!(names, BTreeSet::from(expected));
     let content = |name: &str| &run.files.iter().find(|f| f.0 == name).unwrap().1;
     assert_eq!(content("calibration.json"), &run.stdout);
     let yaml = content("camera_opencv.yaml");

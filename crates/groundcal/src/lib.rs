@@ -16,6 +16,7 @@
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
 //! | [`subsets`] | cameras of all minimal sets of motions, ranked |
 //! | [`transfer`] | one motion's circular points carried into other views |
+//! | [`camera_model`], [`camera_difference`] | a camera with any lens others describe; how far two differ, in pixels |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
 //! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |
@@ -31,6 +32,8 @@ pub mod attitude_groups;
 pub mod bundle;
 pub mod calibrate;
 pub mod camera;
+pub mod camera_difference;
+pub mod camera_model;
 pub mod circular_points;
 pub mod correspondence;
 pub mod distortion;

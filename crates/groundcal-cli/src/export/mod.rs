@@ -1,6 +1,12 @@
 //! Renderers of a calibration: each takes the one result value and gives text.
 
+pub mod colmap;
+pub mod formats;
+pub mod kalibr;
+pub mod matlab;
+pub mod nerfstudio;
 pub mod opencv;
+pub mod ros;
 pub mod text;
 
 use std::{io::Write, path::Path};

@@ -8,6 +8,7 @@ use groundcal::{
 use nalgebra::Vector3;
 use serde::Deserialize;
 
+use super::{ImportedCamera, PARAMETERS};
 use crate::error::CliError;
 
 /// The version of the format that is read.
@@ -348,6 +349,46 @@ impl Camera {
     /// The lens.
     pub fn lens(&self) -> Distortion {
         self.distortion.as_ref().map_or(Distortion::default(), |l| l.coefficients)
+    }
+}
+
+/// The camera with its covariance, for comparisons.
+pub fn camera(text: &str) -> Result<ImportedCamera, String> {
+    let calibration = Calibration::parse(text)?;
+    let c = &calibration.camera;
+    let size = [c.size().width as f64, c.size().height as f64];
+    let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), (c.lens(), 0.0))?;
+    Ok(ImportedCamera { covariance: calibration.covariance_of_parameters()?, ..camera })
+}
+
+impl Calibration {
+    /// The covariance in the order of [`PARAMETERS`], or the squares of the standard deviations; nothing where neither is there.
+    fn covariance_of_parameters(&self) -> Result<Option<[[f64; 7]; 7]>, String> {
+        let mut full = [[0.0; 7]; 7];
+        if let Some(covariance) = &self.covariance {
+            let n = covariance.parameters.len();
+            let whole = covariance.matrix.len() == n && covariance.matrix.iter().all(|row| row.len() == n);
+            if !whole || covariance.matrix.iter().flatten().any(|v| !v.is_finite()) {
+                return Err(format!(
+                    "covariance.matrix: expected {n} rows of {n} finite numbers, one for each of its parameters"
+                ));
+            }
+            let place: Vec<Option<usize>> =
+                covariance.parameters.iter().map(|name| PARAMETERS.iter().position(|p| p == name)).collect();
+            for (i, row) in covariance.matrix.iter().enumerate() {
+                for (j, value) in row.iter().enumerate() {
+                    if let (Some(to_i), Some(to_j)) = (place[i], place[j]) {
+                        full[to_i][to_j] = *value;
+                    }
+                }
+            }
+            return Ok(Some(full));
+        }
+        let Some(s) = &self.standard_deviation else { return Ok(None) };
+        for (i, sigma) in [s.fx, s.fy, s.cx, s.cy, s.skew, s.k1, s.k2].into_iter().enumerate() {
+            full[i][i] = sigma.map_or(0.0, |v| v * v);
+        }
+        Ok(Some(full))
     }
 }
 

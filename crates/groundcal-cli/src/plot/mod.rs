@@ -1,5 +1,6 @@
 //! Line plots in panels: a figure is laid out into a list of lines, areas and texts, which [`svg`] and [`png`] draw alike.
 
+pub mod field;
 pub mod letters;
 pub mod png;
 pub mod svg;
