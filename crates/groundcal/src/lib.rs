@@ -15,7 +15,7 @@
 //! | [`absolute_conic`], [`camera`] | constraints, rank, weighted solution; camera matrix in pixels |
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
-//! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
+//! | [`mod@calibrate`], [`result`], [`evidence`] | the front door; the result value, its warnings and what it was made from |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
@@ -30,6 +30,7 @@ pub mod circular_points;
 pub mod correspondence;
 pub mod distortion;
 pub mod error;
+pub mod evidence;
 pub mod features;
 pub mod frame;
 pub mod homography;

@@ -5,6 +5,8 @@
 
 use serde::Serialize;
 
+use crate::evidence::Evidence;
+
 /// A calibrated camera, what it was made from, and what to beware of.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Calibration {
@@ -44,6 +46,9 @@ pub struct Calibration {
     pub motions: Vec<MotionReport>,
     /// What to beware of.
     pub warnings: Vec<WarningReport>,
+    /// What it was made from, point by point; not written to the JSON.
+    #[serde(skip)]
+    pub evidence: Evidence,
 }
 
 /// Camera parameters in pixels.
