@@ -16,6 +16,7 @@
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`], [`evidence`] | the front door; the result value, its warnings and what it was made from |
+//! | [`floor`], [`resample`] | pixels and points of the floor, with the lens; pictures through such maps |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
 //! | [`ransac`], [`levenberg_marquardt`], [`linalg`], [`statistics`] | shared tools |
 //! | [`synthetic`] | scenes with truth |
@@ -32,6 +33,7 @@ pub mod distortion;
 pub mod error;
 pub mod evidence;
 pub mod features;
+pub mod floor;
 pub mod frame;
 pub mod homography;
 pub mod image;
@@ -43,6 +45,7 @@ pub mod linalg;
 pub mod motions;
 pub mod plane_view;
 pub mod ransac;
+pub mod resample;
 pub mod result;
 pub mod rotating;
 pub mod statistics;

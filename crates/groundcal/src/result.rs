@@ -5,7 +5,7 @@
 
 use serde::Serialize;
 
-use crate::evidence::Evidence;
+use crate::{distortion::Distortion, evidence::Evidence, image::ImageSize, intrinsics::Intrinsics};
 
 /// A calibrated camera, what it was made from, and what to beware of.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -68,6 +68,24 @@ pub struct Camera {
     pub skew: f64,
     /// Lens distortion.
     pub distortion: DistortionReport,
+}
+
+impl Camera {
+    /// The camera matrix.
+    pub fn intrinsics(&self) -> Intrinsics {
+        Intrinsics { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, skew: self.skew }
+    }
+
+    /// The lens.
+    pub fn lens(&self) -> Distortion {
+        let d = &self.distortion;
+        Distortion { k1: d.k1, k2: d.k2, p1: d.p1, p2: d.p2 }
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.image_size[0], self.image_size[1])
+    }
 }
 
 /// Lens distortion, named.
