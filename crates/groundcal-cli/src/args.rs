@@ -113,9 +113,13 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(50..=50_000))]
     pub max_features: u32,
 
-    /// Write calibration.json and camera_opencv.yaml into this folder (made if need be)
+    /// Write calibration.json, camera_opencv.yaml and report.html into this folder (made if need be)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
+
+    /// Leave out report.html, the page that shows the calibration
+    #[arg(long, requires = "out")]
+    pub no_report: bool,
 
     /// Print the calibration as JSON on standard output and nothing else there
     #[arg(long)]

@@ -7,6 +7,7 @@ mod load;
 mod plot;
 mod progress;
 mod render_scene;
+mod report;
 mod simulate;
 
 use std::{
@@ -21,6 +22,7 @@ use error::CliError;
 use groundcal::{
     calibrate::{Options, calibrate_images, calibrate_matches},
     distortion::Distortion,
+    image::GrayImage,
     result::{Calibration, Warning},
 };
 use progress::Progress;
@@ -73,12 +75,13 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = Progress::new("reading");
     let result = run(args, &progress);
     let times = progress.finish();
-    let (calibration, images) = result?;
+    let Calibrated { calibration, count, images } = result?;
     if let Some(out) = &args.out {
-        write_results(out, &calibration)?;
+        let page = if args.no_report { None } else { Some(report::html(&calibration, &images)?) };
+        write_results(out, &calibration, page.as_deref())?;
     }
     let page =
-        if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, images, args.verbose) };
+        if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, count, args.verbose) };
     print(&page)?;
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
@@ -91,8 +94,17 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Input to calibration; also the number of images.
-fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize), CliError> {
+/// A calibration and what it was made from.
+struct Calibrated {
+    calibration: Calibration,
+    /// How many images.
+    count: usize,
+    /// The images themselves; none for matches from elsewhere.
+    images: Vec<GrayImage>,
+}
+
+/// Input to calibration.
+fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError> {
     let mut options = options(args);
     match load::find(&args.inputs)? {
         load::Input::Images(files) => {
@@ -106,7 +118,8 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize)
                 options.pairs = Some(load::pairs(path, &names)?);
             }
             let images = load::images(&files)?;
-            Ok((calibrate_images(&names, &images, &options, progress)?, names.len()))
+            let calibration = calibrate_images(&names, &images, &options, progress)?;
+            Ok(Calibrated { calibration, count: names.len(), images })
         }
         load::Input::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
@@ -118,12 +131,12 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize)
             if let Some(path) = &args.pairs {
                 options.pairs = Some(load::pairs(path, &table.names)?);
             }
-            let images = table.names.len();
+            let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
             if table.neighbours_only {
-                calibration.warnings.push(Warning::NeighboursOnly { images }.report());
+                calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
             }
-            Ok((calibration, images))
+            Ok(Calibrated { calibration, count, images: Vec::new() })
         }
     }
 }
@@ -146,11 +159,14 @@ fn options(args: &CalibrateArgs) -> Options {
     options
 }
 
-/// The files of `--out`; the folder is made if need be.
-fn write_results(out: &Path, calibration: &Calibration) -> Result<(), CliError> {
+/// The files of `--out`, the report's page among them if there is one; the folder is made if need be.
+fn write_results(out: &Path, calibration: &Calibration, page: Option<&str>) -> Result<(), CliError> {
     std::fs::create_dir_all(out)
         .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
     let json = export::json(calibration)?;
+    if let Some(page) = page {
+        export::write_whole(&out.join("report.html"), page.as_bytes())?;
+    }
     export::write_whole(&out.join("camera_opencv.yaml"), export::opencv::yaml(calibration).as_bytes())?;
     export::write_whole(&out.join("calibration.json"), json.as_bytes())
 }

@@ -2,12 +2,7 @@
 
 use nalgebra::{Complex, Vector2};
 
-use super::{
-    Pipeline,
-    joint::Joint,
-    pairs::PairResult,
-    report::KnownLens,
-};
+use super::{Pipeline, joint::Joint, pairs::PairResult, report::KnownLens};
 use crate::{
     bundle::{
         BundleOptions, Kind,
@@ -96,8 +91,7 @@ impl Pipeline<'_> {
         let (b, frame) = (&joint.bundle, self.frame());
         let d = &joint.distortion;
         let projector = Projector::new(&b.state.camera, [d.p1, d.p2]);
-        let poses: Vec<Pose> =
-            b.state.views.iter().map(|v| Pose::new(b.scene, &b.state.groups[v.group], v)).collect();
+        let poses: Vec<Pose> = b.state.views.iter().map(|v| Pose::new(b.scene, &b.state.groups[v.group], v)).collect();
         let huber = BundleOptions::default().huber;
         let mut all = Vec::with_capacity(b.counts[0]);
         for (t, track) in joint.tracks.iter().enumerate() {
