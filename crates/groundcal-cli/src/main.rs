@@ -14,6 +14,7 @@ use std::{
     io::{IsTerminal, Write},
     path::Path,
     process::ExitCode,
+    time::Instant,
 };
 
 use args::{CalibrateArgs, Cli, Command, SimulateArgs};
@@ -74,11 +75,13 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     start_threads(args.threads)?;
     let progress = Progress::new("reading");
     let result = run(args, &progress);
-    let times = progress.finish();
+    let mut times = progress.finish();
     let Calibrated { calibration, count, images } = result?;
     if let Some(out) = &args.out {
+        let start = Instant::now();
         let page = if args.no_report { None } else { Some(report::html(&calibration, &images)?) };
         write_results(out, &calibration, page.as_deref())?;
+        times.push(("writing", start.elapsed()));
     }
     let page =
         if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, count, args.verbose) };

@@ -406,10 +406,10 @@ fn json_has_the_documented_keys() {
 }
 
 #[test]
-fn out_holds_the_two_files_and_the_same_json() {
+fn out_holds_the_files_and_the_same_json() {
     let run = tripod();
     let names: BTreeSet<&str> = run.files.iter().map(|f| f.0.as_str()).collect();
-    assert_eq!(names, BTreeSet::from(["calibration.json", "camera_opencv.yaml"]));
+    assert_eq!(names, BTreeSet::from(["calibration.json", "camera_opencv.yaml", "report.html"]));
     let content = |name: &str| &run.files.iter().find(|f| f.0 == name).unwrap().1;
     assert_eq!(content("calibration.json"), &run.stdout);
     let yaml = content("camera_opencv.yaml");

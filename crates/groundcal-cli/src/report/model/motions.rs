@@ -100,6 +100,35 @@ impl OverlayMap {
 }
 
 impl OverlayMap {
+    /// Outline of the floor that an image sees, in pixels of the overlay; a pixel narrower than the image, where it has neighbours
+    /// to be resampled from.
+    pub fn outline(&self, e: &Evidence, which: usize, size: ImageSize) -> Vec<[f64; 2]> {
+        const SIDE_POINTS: usize = 24;
+        let (w, h) = (size.width as f64 - 2.0, size.height as f64 - 2.0);
+        let corners = [[1.0, 1.0], [w, 1.0], [w, h], [1.0, h]];
+        let border: Vec<[f64; 2]> = (0..4 * SIDE_POINTS)
+            .map(|i| {
+                let ([x0, y0], [x1, y1]) = (corners[i / SIDE_POINTS], corners[(i / SIDE_POINTS + 1) % 4]);
+                let t = (i % SIDE_POINTS) as f64 / SIDE_POINTS as f64;
+                [x0 + t * (x1 - x0), y0 + t * (y1 - y0)]
+            })
+            .collect();
+        let seen: Vec<[f64; 2]> = border.iter().filter_map(|p| self.on_grid(e, which, *p)).collect();
+        let view = match (which, &self.second) {
+            (0, _) => Some(&self.first),
+            (_, Second::View(view)) => Some(view),
+            (_, Second::Homography(_)) => None,
+        };
+        match view {
+            // The horizon is in the image.
+            Some(view) if seen.len() < border.len() => {
+                let far = OUTLINE_FARTHEST * view.centre().z;
+                view.seen_floor(size, far).iter().map(|p| self.grid.pixel_from_floor(p).into()).collect()
+            }
+            _ => seen,
+        }
+    }
+
     /// The pixel of the overlay at a pixel of the first (0) or second (1) image; `None` at or above the horizon.
     pub fn on_grid(&self, e: &Evidence, which: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let pixel = Vector2::from(pixel);
@@ -130,6 +159,8 @@ const UNUSED_SHOWN: usize = 6;
 pub const OVERLAY_PX: f64 = 560.0;
 /// How far floor is laid out, in camera heights.
 const OVERLAY_FARTHEST: f64 = 8.0;
+/// Floor beyond this lies outside every overlay, in camera heights.
+const OUTLINE_FARTHEST: f64 = 40.0;
 /// Cells along the longer side of the image in which rejected matches are counted.
 const CELLS: usize = 16;
 /// Fewest rejected matches of a cell that counts, and of a cluster.

@@ -26,7 +26,7 @@ pub fn section(c: &Calibration, conic: &Conic) -> String {
                 with_sigma(a.pitch_down_deg, a.pitch_down_sigma_deg),
                 with_sigma(a.roll_deg, a.roll_sigma_deg),
                 a.horizon_px.map_or("at infinity".into(), |[a, b, c]| {
-                    format!("{} x + {} y + {} = 0", fixed(a, 4), fixed(b, 4), fixed(c, 1))
+                    format!("{} x {} y {} = 0", fixed(a, 4), signed(b, 4), signed(c, 1))
                 }),
                 names.join(", "),
             ]
@@ -38,6 +38,11 @@ pub fn section(c: &Calibration, conic: &Conic) -> String {
         &rows,
     ));
     out
+}
+
+/// A number to be added, with its sign before it.
+fn signed(value: f64, decimals: usize) -> String {
+    format!("{} {}", if value < 0.0 { '\u{2212}' } else { '+' }, fixed(value.abs(), decimals))
 }
 
 /// The image, the horizons about it and the circular points on them.

@@ -71,7 +71,13 @@ fn row(p: &Parameter, c: &Calibration) -> Vec<String> {
 /// A part of one in per cent, never rounded up to all.
 fn percent(part: f64) -> String {
     let percent = 100.0 * part;
-    if percent > 99.9 && percent < 100.0 { "> 99.9 %".into() } else { format!("{} %", fixed(percent, 1)) }
+    if part >= 1.0 {
+        "100 %".into()
+    } else if percent > 99.9 {
+        "> 99.9 %".into()
+    } else {
+        format!("{} %", fixed(percent, 1))
+    }
 }
 
 /// Standard deviations before and after on one logarithmic axis, in pixels at the place where they matter.

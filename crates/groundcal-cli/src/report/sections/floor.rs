@@ -61,13 +61,15 @@ fn drawing(map: &FloorMap, alone: bool) -> String {
         let outline: Vec<[f64; 2]> = v.seen.iter().map(|p| at(*p)).collect();
         svg.path(&format!("seen {}", style(v.attitude)), &path_of(&outline, true));
     }
+    let mut taken: Vec<[f64; 2]> = map.views.iter().map(|v| at([v.position[0], v.position[1]])).collect();
     for v in &map.views {
         let [px, py] = at([v.position[0], v.position[1]]);
         let [dx, dy] = [-v.heading[1], -v.heading[0]];
         svg.path(&format!("pose {}", style(v.attitude)), &arrow([px, py], [30.0 * dx, 30.0 * dy], 8.0));
         svg.circle(&format!("foot {}", style(v.attitude)), [px, py], 4.0);
-        // Behind the camera nothing is in the label's way.
-        svg.text("mark", [px - 14.0 * dx, py - 14.0 * dy + 4.0], Anchor::Middle, &(v.image + 1).to_string());
+        let label = free_place([px, py], [dx, dy], &taken);
+        taken.push(label);
+        svg.text("mark", [label[0], label[1] + 4.0], Anchor::Middle, &(v.image + 1).to_string());
     }
     let names: Vec<String> = map
         .views
@@ -85,6 +87,21 @@ fn drawing(map: &FloorMap, alone: bool) -> String {
         names.join("; ")
     );
     figure(if alone { "whole" } else { "half" }, &svg.finish(), &caption)
+}
+
+/// A place for a view's number near its foot: behind the camera, or beside that where others are.
+fn free_place([px, py]: [f64; 2], [dx, dy]: [f64; 2], taken: &[[f64; 2]]) -> [f64; 2] {
+    const APART: f64 = 14.0;
+    let behind = (-dy).atan2(-dx);
+    let places = [15.0, 24.0].into_iter().flat_map(|r: f64| {
+        [0.0, 0.8, -0.8, 1.6, -1.6, 2.4, -2.4].map(|turn| {
+            let (sin, cos) = (behind + turn).sin_cos();
+            [px + r * cos, py + r * sin]
+        })
+    });
+    let own = [px, py];
+    let free = |p: &[f64; 2]| taken.iter().all(|t| *t == own || (p[0] - t[0]).hypot(p[1] - t[1]) > APART);
+    places.clone().find(free).or_else(|| places.clone().next()).unwrap_or(own)
 }
 
 /// Class of an attitude's lines: colours and dashes repeat after six.

@@ -12,7 +12,7 @@ use crate::report::{
         motions::{Motion, Overlay},
     },
     pictures::{Picture, Pictures},
-    svg::{Anchor, Scale, Svg, escape, fixed, short},
+    svg::{Anchor, Scale, Svg, escape, fixed, path_of, short},
 };
 
 /// Motions of which the images are drawn.
@@ -106,7 +106,7 @@ fn motion(index: usize, m: &Motion, c: &Calibration, pictures: &Pictures) -> Str
     }
     let p = &c.evidence.pairs[m.pair];
     if !p.matches.is_empty() || !pictures.thumbnails.is_empty() {
-        let landmarks = landmarks(p);
+        let landmarks = landmarks(p, c.camera.image_size);
         out.push_str("<div class=\"figures\">\n");
         for which in 0..2 {
             out.push_str(&image(m, c, p, which, pictures, &landmarks));
@@ -124,9 +124,15 @@ fn motion(index: usize, m: &Motion, c: &Calibration, pictures: &Pictures) -> Str
     out
 }
 
-/// Accepted matches far from one another.
-fn landmarks(p: &PairEvidence) -> Vec<usize> {
-    let accepted: Vec<usize> = (0..p.matches.len()).filter(|&k| p.matches[k].accepted).collect();
+/// Accepted matches far from one another, and from the borders, where their numbers would be cut off.
+fn landmarks(p: &PairEvidence, [width, height]: [usize; 2]) -> Vec<usize> {
+    const ROOM: f64 = 0.07;
+    let inside = |[x, y]: [f64; 2]| {
+        let (u, v) = (x / width as f64, y / height as f64);
+        (ROOM..=1.0 - ROOM).contains(&u) && (ROOM..=1.0 - ROOM).contains(&v)
+    };
+    let shown = |k: &usize| p.matches[*k].accepted && inside(p.matches[*k].a) && inside(p.matches[*k].b);
+    let accepted: Vec<usize> = (0..p.matches.len()).filter(shown).collect();
     let mut chosen: Vec<usize> = Vec::new();
     let mut distance = vec![f64::INFINITY; accepted.len()];
     while chosen.len() < LANDMARKS.min(accepted.len()) {
@@ -254,16 +260,16 @@ fn far_horizon(c: &Calibration, pitch: f64, roll: f64) -> String {
     let angle = roll.rem_euclid(360.0);
     let side = [
         "above",
-        "to the upper left",
-        "to the left",
-        "to the lower left",
+        "to the upper left of",
+        "to the left of",
+        "to the lower left of",
         "below",
-        "to the lower right",
-        "to the right",
-        "to the upper right",
+        "to the lower right of",
+        "to the right of",
+        "to the upper right of",
     ];
     let place = side[((angle + 22.5) / 45.0) as usize % 8];
-    format!("horizon {} px {place} of the principal point", fixed(distance.abs(), 0))
+    format!("horizon {} px {place} the principal point", fixed(distance.abs(), 0))
 }
 
 /// Pitch and roll of an image, of its own or of the motion's attitude.
@@ -334,11 +340,10 @@ fn floor(index: usize, m: &Motion, o: &Overlay, [a, b]: &[Picture; 2], c: &Calib
     let [left, _, top, _] = frame.frame;
     let mut clips = String::from("<defs>");
     for which in 0..2 {
-        let _ = write!(
-            clips,
-            "<clipPath id=\"clip{index}-{which}\"><path d=\"{}\"/></clipPath>",
-            outline(o, c, which, [left, top])
-        );
+        let corners = o.map.outline(&c.evidence, which, c.camera.size());
+        let outline: Vec<[f64; 2]> = corners.iter().map(|[x, y]| [left + x + 0.5, top + y + 0.5]).collect();
+        let _ =
+            write!(clips, "<clipPath id=\"clip{index}-{which}\"><path d=\"{}\"/></clipPath>", path_of(&outline, true));
     }
     clips.push_str("</defs>");
     frame.svg.raw(&clips);
@@ -367,43 +372,6 @@ fn floor(index: usize, m: &Motion, o: &Overlay, [a, b]: &[Picture; 2], c: &Calib
         m.from
     );
     figure("whole lay", &format!("{controls}{}", frame.finish()), &caption)
-}
-
-/// Outline of what an image sees of an overlay, as a path: cells whose middle it sees, row by row.
-fn outline(o: &Overlay, c: &Calibration, which: usize, [left, top]: [f64; 2]) -> String {
-    const CELL: usize = 4;
-    let [w, h] = o.size;
-    let [width, height] = c.camera.image_size.map(|s| s as f64);
-    let sees = |x: f64, y: f64| {
-        let source = o.map.source(&c.evidence, which, &nalgebra::Vector2::new(x, y));
-        source.is_some_and(|q| q.x > 0.0 && q.y > 0.0 && q.x < width - 1.0 && q.y < height - 1.0)
-    };
-    let mut d = String::new();
-    for y in (0..h).step_by(CELL) {
-        let row = y as f64 + 0.5 * CELL as f64;
-        let mut start: Option<usize> = None;
-        for x in (0..w + CELL).step_by(CELL) {
-            let inside = x < w && sees(x as f64 + 0.5 * CELL as f64, row);
-            match (start, inside) {
-                (None, true) => start = Some(x),
-                (Some(from), false) => {
-                    let to = x.min(w);
-                    let _ = write!(
-                        d,
-                        "M{} {}h{}v{}h-{}Z",
-                        short(left + from as f64),
-                        short(top + y as f64),
-                        to - from,
-                        CELL.min(h - y),
-                        to - from
-                    );
-                    start = None;
-                }
-                _ => {}
-            }
-        }
-    }
-    d
 }
 
 /// Without pictures: the points of both views on the floor, which lie on each other where all fits.

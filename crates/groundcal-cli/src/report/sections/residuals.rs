@@ -1,8 +1,10 @@
 //! Residuals against the radius, over the image plane, per image.
 
+use std::fmt::Write;
+
 use groundcal::result::Calibration;
 
-use super::{camera::axes, figure, table};
+use super::{camera::axes, decimals, figure, table};
 use crate::report::{
     model::residuals::{Field, Residuals, Ring},
     svg::{Anchor, Scale, Svg, arrow, decimals_of, fixed, nice_step},
@@ -31,7 +33,7 @@ pub fn section(c: &Calibration, r: &Residuals) -> String {
     let mut out = verdict;
     out.push_str("<div class=\"figures\">\n");
     out.push_str(&against_radius(&r.rings));
-    let longest = longest(&r.all);
+    let longest = longest(&r.all, false);
     out.push_str(&figure(
         "half",
         &field(&r.all, c, "All images", longest, 520.0, true),
@@ -39,12 +41,17 @@ pub fn section(c: &Calibration, r: &Residuals) -> String {
          Arrows that point in or out together are the lens; arrows of one place a thing on the floor.",
     ));
     out.push_str("</div>\n<h3>Image by image</h3>\n<div class=\"small\">\n");
+    let common = longest_of_tiles(r);
     for image in r.images.iter().take(DRAWN) {
         let caption =
             format!("{}: {} px rms, {} deviations", image.name, fixed(image.rms_px, 3), fixed(image.weighted_rms, 2));
-        out.push_str(&figure("tile", &field(&image.field, c, &image.name, longest, 240.0, false), &caption));
+        out.push_str(&figure("tile", &field(&image.field, c, &image.name, common, 240.0, false), &caption));
     }
-    out.push_str("</div>\n");
+    let _ = writeln!(
+        out,
+        "</div>\n<p class=\"legend\">The longest arrows of these pictures are {} px; the same scale in all.</p>",
+        fixed(common, decimals(common))
+    );
     if r.images.len() > DRAWN {
         out.push_str(&format!("<p>The first {DRAWN} of {} images; all are in the table.</p>\n", r.images.len()));
     }
@@ -101,14 +108,25 @@ fn against_radius(rings: &[Ring]) -> String {
     )
 }
 
-/// Length of the longest mean residual that is no chance, or of the longest at all.
-fn longest(field: &Field) -> f64 {
+/// Length of the longest mean residual, of all or of those that are no chance (then possibly none: 0).
+fn longest(field: &Field, bold_only: bool) -> f64 {
     let lengths = |least: f64| {
         let cells = field.cells.iter().map(|c| (c.mean_px[0].hypot(c.mean_px[1]), c.sigma_px));
         cells.filter(move |(length, sigma)| *length >= least * sigma).map(|(length, _)| length).fold(0.0, f64::max)
     };
     let bold = lengths(BOLD);
-    if bold > 0.0 { bold } else { lengths(0.0).max(1e-6) }
+    if bold_only { bold } else { lengths(0.0).max(1e-6) }
+}
+
+/// The same for the images one by one, the few longest apart.
+fn longest_of_tiles(r: &Residuals) -> f64 {
+    const PART: f64 = 0.97;
+    let bold = r.images.iter().map(|i| longest(&i.field, true)).fold(0.0, f64::max);
+    let mut lengths: Vec<f64> =
+        r.images.iter().flat_map(|i| i.field.cells.iter().map(|c| c.mean_px[0].hypot(c.mean_px[1]))).collect();
+    lengths.sort_by(f64::total_cmp);
+    let most = lengths.get((PART * lengths.len() as f64) as usize).copied().unwrap_or(1e-6);
+    most.max(0.3 * bold).max(1e-6)
 }
 
 /// Mean residuals as arrows; `longest` pixels of residual are as long as a cell.
@@ -129,8 +147,8 @@ fn field(f: &Field, c: &Calibration, name: &str, longest: f64, width: f64, key: 
     for cell_mean in &f.cells {
         let [mx, my] = cell_mean.mean_px;
         let length = mx.hypot(my);
-        // What one image strays beyond the common scale is cut, and would hide its neighbours.
-        let factor = magnified * (2.0 * longest / length.max(1e-12)).min(1.0);
+        // What strays beyond the common scale would hide its neighbours.
+        let factor = magnified * (longest / length.max(1e-12)).min(1.0);
         let from = at(cell_mean.at);
         let bold = length > BOLD * cell_mean.sigma_px;
         svg.path(if bold { "arrow bold" } else { "arrow" }, &arrow(from, [mx * factor, my * factor], 6.0));

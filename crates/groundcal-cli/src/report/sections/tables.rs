@@ -79,6 +79,7 @@ fn pairs(c: &Calibration) -> String {
         &["pair", "part", "turn, deg", "rho", "matches", "rms, px", "why not"],
         &rows,
     );
+    out = format!("<div id=\"pairs\">{out}</div>\n");
     if c.motions.len() > LISTED {
         out.push_str(&format!(
             "<p>{LISTED} of {} pairs are listed; all are in calibration.json.</p>\n",
