@@ -124,7 +124,7 @@ fn a_lens_left_over_shows_against_the_radius() {
     let (modelled, small_px, said_of_good) = significance(&[]);
     let (ignored, large_px, said_of_bad) = significance(&["--distortion", "none"]);
     assert!(modelled < 4.0 && !said_of_good, "{modelled} sigma with the lens modelled");
-    assert!(ignored > 10.0 && said_of_bad, "{ignored} sigma with a lens of k1 = -0.1 taken for perfect");
+    assert!(ignored > 6.0 && said_of_bad, "{ignored} sigma with a lens of k1 = -0.1 taken for perfect");
     assert!(large_px > 10.0 * small_px, "{large_px} px against {small_px} px");
 }
 
@@ -134,29 +134,56 @@ fn a_wrong_motion_is_shown_with_its_reason_or_its_residuals() {
     // The camera is tilted by four degrees between the two images of the last motion.
     render(&scene(0.0, |v| v.pitch_error_deg = if v.file == "03b.png" { 4.0 } else { 0.0 }), folder.path(), |_| true);
     let images = text(folder.path());
-    let motion = |page: &Page| {
-        let all = page.data["motions"].as_array().unwrap();
-        all.iter().find(|m| m["from"] == "03a.png" && m["to"] == "03b.png").cloned().expect("shown")
-    };
-    // Found: left out, and drawn all the same, with the reason.
-    let found = page(&[images.as_str()]);
-    let wrong = motion(&found);
-    let reason = wrong["reason"].as_str().expect("a reason");
-    println!("{reason}");
-    assert_eq!(wrong["used"], false);
-    assert!(
-        found.html.contains("<strong>Not used:</strong>") && found.html.contains(reason.split('(').next().unwrap())
-    );
-    // Insisted on: residuals or its warning tell.
     let pairs = pairs(folder.path(), 4);
-    let insisted = page(&[images.as_str(), "--pairs", &pairs, "--attitude-sigma-deg", "0"]);
-    let rms = |m: &Value| number(m, "/weighted_rms");
-    let all = insisted.data["motions"].as_array().unwrap();
-    println!("rms in deviations: {:?}", all.iter().map(rms).collect::<Vec<_>>());
-    let codes: Vec<&str> =
-        insisted.data["warnings"].as_array().unwrap().iter().filter_map(|w| w["code"].as_str()).collect();
-    println!("{codes:?}");
-    assert!(codes.contains(&"motion_strays") || codes.contains(&"motions_disagree") || rms(&motion(&insisted)) > 3.0);
+    let of = |more: &[&str]| {
+        let args: Vec<&str> = [images.as_str(), "--pairs", &pairs].into_iter().chain(more.iter().copied()).collect();
+        let page = page(&args);
+        let motions = page.data["motions"].as_array().unwrap().clone();
+        for m in &motions {
+            println!(
+                "{more:?} {}: {:?}",
+                m["from"],
+                [&m["rms_px"], &m["joint_rms_px"], &m["apart_deg"], &m["attention"]]
+            );
+        }
+        (page, motions)
+    };
+    // Views may stray: those of the wrong motion are seen to.
+    let (soft, motions) = of(&[]);
+    for m in &motions {
+        let wrong = m["from"] == "03a.png";
+        let apart = number(m, "/apart_deg");
+        // Four motions, each of which may stray, tell attitudes to a few tenths of a degree.
+        assert!(if wrong { (apart - 4.0).abs() < 0.4 } else { apart < 0.4 }, "{m}");
+        assert_eq!(m["attention"].is_string(), wrong, "{m}");
+    }
+    assert_eq!(soft.html.matches("<strong>Does not fit:</strong>").count(), 1);
+    // Views may not: then the motions do not fit one camera, and their residuals say so.
+    let (hard, motions) = of(&["--attitude-sigma-deg", "0"]);
+    let worst = motions.iter().map(|m| number(m, "/joint_rms_px") / number(m, "/rms_px")).fold(0.0, f64::max);
+    assert!(worst > 5.0, "{worst} times");
+    assert!(motions.iter().any(|m| m["attention"].is_string()));
+    assert!(number(&hard.data, "/residuals/times_own/0") > 5.0);
+    assert!(hard.html.contains("The model does not explain the matches"));
+}
+
+#[test]
+fn a_pair_left_out_is_shown_with_its_reason() {
+    let folder = tempdir().unwrap();
+    // The last camera only moves aside, without a turn.
+    let mut scene = scene(0.0, |_| ());
+    scene.groups[3].views[1].yaw_deg = scene.groups[3].views[0].yaw_deg;
+    render(&scene, folder.path(), |_| true);
+    let pairs = pairs(folder.path(), 4);
+    let page = page(&[text(folder.path()).as_str(), "--pairs", &pairs]);
+    let motions = page.data["motions"].as_array().unwrap();
+    let left_out: Vec<&Value> = motions.iter().filter(|m| m["used"] == false).collect();
+    assert_eq!(left_out.len(), 1);
+    assert_eq!(left_out[0]["from"], "03a.png");
+    let reason = left_out[0]["reason"].as_str().expect("a reason");
+    println!("{reason}");
+    assert!(reason.contains("translation"), "{reason}");
+    assert!(page.html.contains("<strong>Not used:</strong> no rotation to be seen"));
 }
 
 #[test]
@@ -216,7 +243,7 @@ fn the_page_of_twelve_images_is_whole_and_small() {
     assert_eq!(data["motions"].as_array().unwrap().len(), 6);
     for m in data["motions"].as_array().unwrap() {
         assert_eq!(m["used"], true);
-        assert!(number(m, "/overlay/correlation") > 0.8, "{m}");
+        assert!(number(m, "/overlay/correlation") > 0.8 && m["attention"].is_null(), "{m}");
         assert!(number(m, "/accepted") > 10.0 * number(m, "/rejected") / 3.0, "{m}");
     }
     assert_eq!(data["residuals"]["images"].as_array().unwrap().len(), 12);

@@ -44,6 +44,8 @@ pub struct ConicAttitude {
     pub circular_points: Option<[[f64; 2]; 2]>,
     /// The same of each motion by itself, as measured.
     pub measured: Vec<[[f64; 2]; 2]>,
+    /// Pitch and roll of each of its views, degrees.
+    pub views: Vec<[f64; 2]>,
     /// Names of the images of its motions.
     pub motions: Vec<[String; 2]>,
 }
@@ -71,7 +73,8 @@ pub fn conic(c: &Calibration) -> Option<Conic> {
     let attitudes = c
         .attitudes
         .iter()
-        .map(|a| {
+        .enumerate()
+        .map(|(i, a)| {
             let pairs = || a.motions.iter().filter_map(|&m| c.evidence.pairs.get(m));
             ConicAttitude {
                 pitch_down_deg: a.pitch_down_deg,
@@ -83,6 +86,12 @@ pub fn conic(c: &Calibration) -> Option<Conic> {
                         let e = p.circular_point?.map(|[re, im]| Complex::new(re, im));
                         real_and_imaginary(&Vector3::from(e))
                     })
+                    .collect(),
+                views: c
+                    .views
+                    .iter()
+                    .filter(|v| v.attitude == Some(i))
+                    .map(|v| [v.pitch_down_deg, v.roll_deg])
                     .collect(),
                 motions: a
                     .motions

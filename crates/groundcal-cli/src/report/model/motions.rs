@@ -1,13 +1,16 @@
 //! Motions: matches accepted and rejected, where the rejected ones gather, the part of the floor that both images see.
 
 use groundcal::{
-    evidence::{Evidence, PairEvidence},
+    attitude::up_in_camera,
+    evidence::{Evidence, ObservationEvidence, PairEvidence},
     floor::{FloorGrid, FloorView},
     image::ImageSize,
     plane_view::View,
     result::{Calibration, MotionReport},
+    statistics::median,
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
+use rayon::prelude::*;
 use serde::Serialize;
 
 /// A pair of images of which pictures are shown.
@@ -29,8 +32,12 @@ pub struct Motion {
     pub lost: usize,
     /// Of the pair's own homography, pixels.
     pub rms_px: Option<f64>,
-    /// Residuals of the joint refinement in its two images, in standard deviations: 1 as expected.
-    pub weighted_rms: Option<f64>,
+    /// Of the camera of all motions, both images together, pixels: much more than `rms_px` where the motion does not fit the others.
+    pub joint_rms_px: Option<f64>,
+    /// How far the attitudes of its two views are apart, degrees: 0 for a turn about the floor's normal.
+    pub apart_deg: Option<f64>,
+    /// What is wrong with it, in a sentence, if anything is.
+    pub attention: Option<String>,
     /// Where rejected matches gather in the first image: things that stand on the floor, or moved.
     pub clusters: Vec<Cluster>,
     pub overlay: Option<Overlay>,
@@ -82,19 +89,7 @@ impl OverlayMap {
         match (which, &self.second) {
             (0, _) => self.first.pixel_from_floor(&floor),
             (_, Second::View(view)) => view.pixel_from_floor(&floor),
-            (_, Second::Homography(h)) => {
-                let a = self.first.pixel_from_floor(&floor)?;
-                let ideal = match &e.lens {
-                    Some(lens) => lens.ideal_point(&a)?,
-                    None => a,
-                };
-                let q = h * Vector3::new(ideal.x, ideal.y, 1.0);
-                let b = (q.z > 0.0).then(|| Vector2::new(q.x / q.z, q.y / q.z))?;
-                match &e.lens {
-                    Some(lens) => lens.real_point(&b),
-                    None => Some(b),
-                }
-            }
+            (_, Second::Homography(h)) => transferred(h, e, &self.first.pixel_from_floor(&floor)?),
         }
     }
 }
@@ -136,16 +131,7 @@ impl OverlayMap {
             (0, _) => self.first.floor_from_pixel(&pixel)?,
             (_, Second::View(view)) => view.floor_from_pixel(&pixel)?,
             (_, Second::Homography(h)) => {
-                let ideal = match &e.lens {
-                    Some(lens) => lens.ideal_point(&pixel)?,
-                    None => pixel,
-                };
-                let q = h.try_inverse()? * Vector3::new(ideal.x, ideal.y, 1.0);
-                let a = (q.z > 0.0).then(|| Vector2::new(q.x / q.z, q.y / q.z))?;
-                let a = match &e.lens {
-                    Some(lens) => lens.real_point(&a)?,
-                    None => a,
-                };
+                let a = transferred(&h.try_inverse()?, e, &pixel)?;
                 self.first.floor_from_pixel(&a)?
             }
         };
@@ -161,10 +147,17 @@ pub const OVERLAY_PX: f64 = 560.0;
 const OVERLAY_FARTHEST: f64 = 8.0;
 /// Floor beyond this lies outside every overlay, in camera heights.
 const OUTLINE_FARTHEST: f64 = 40.0;
-/// Cells along the longer side of the image in which rejected matches are counted.
-const CELLS: usize = 16;
-/// Fewest rejected matches of a cell that counts, and of a cluster.
-const CELL_REJECTED: usize = 3;
+/// Views of a motion further apart than this, and than so many times what is usual, have tilted against each other.
+const LEAST_APART_DEG: f64 = 0.2;
+const MANY_TIMES: f64 = 5.0;
+/// A motion that fits the camera of all so many times worse than a homography, and by so many pixels, does not fit it.
+const MISFIT: f64 = 3.0;
+const LEAST_MISFIT_PX: f64 = 0.1;
+/// Nearest neighbours looked at of a rejected match; how many of them must be rejected too, and by how many deviations more
+/// than chance gives; fewest rejected matches of a cluster.
+const NEIGHBOURS: usize = 8;
+const MOST_NEIGHBOURS: usize = 5;
+const CHANCE: f64 = 2.5;
 const CLUSTER_REJECTED: usize = 8;
 
 /// The motions used, then the best pair of each image that none of them uses.
@@ -184,21 +177,56 @@ pub fn motions(c: &Calibration) -> Vec<Motion> {
             shown += 1;
         }
     }
-    chosen.into_iter().map(|i| motion(c, i)).collect()
+    let mut all: Vec<Motion> = chosen.into_par_iter().map(|i| motion(c, i)).collect();
+    let apart: Vec<Option<f64>> = all.iter().map(|m| m.apart_deg).collect();
+    for (i, m) in all.iter_mut().enumerate() {
+        let others = apart.iter().enumerate().filter(|(j, _)| *j != i).filter_map(|(_, a)| *a).collect();
+        m.attention = attention(m, others);
+    }
+    all
+}
+
+/// What is wrong with a motion that takes part: its views tilt against each other more than those of the `others` do, or it fits
+/// the camera of all far worse than its own homography.
+fn attention(m: &Motion, mut others: Vec<f64>) -> Option<String> {
+    if let Some(apart) = m.apart_deg {
+        let usual = if others.is_empty() { 0.0 } else { median(&mut others) };
+        if apart > LEAST_APART_DEG && apart > MANY_TIMES * usual {
+            return Some(format!(
+                "the attitudes of its two views are {apart:.2} degrees apart, those of the other motions {usual:.2}: the camera tilted \
+                 between the two images, or they show different planes. Leave the pair out (--pairs) or take it again"
+            ));
+        }
+    }
+    let (own, joint) = (m.rms_px?, m.joint_rms_px?);
+    (joint > MISFIT * own && joint > LEAST_MISFIT_PX).then(|| {
+        format!(
+            "its points are {joint:.2} px off the camera of all motions, but {own:.2} px off a homography of their own: a motion is wrong \
+             (this one or another), or the lens model is too simple"
+        )
+    })
 }
 
 fn motion(c: &Calibration, pair: usize) -> Motion {
     let (report, p) = (&c.motions[pair], &c.evidence.pairs[pair]);
     let accepted = p.matches.iter().filter(|m| m.accepted).count();
-    let squares: Vec<f64> = c
-        .evidence
-        .observations
-        .iter()
-        .filter(|o| p.images.contains(&o.image))
-        .map(|o| o.deviations * o.deviations)
-        .collect();
-    let weighted_rms =
-        (report.used && !squares.is_empty()).then(|| (squares.iter().sum::<f64>() / (2 * squares.len()) as f64).sqrt());
+    // Of the kind that its own homography is of.
+    let patches = p.matches.iter().any(|m| m.patch);
+    let of_motion = |o: &&ObservationEvidence| p.images.contains(&o.image) && o.patch == patches;
+    let (mut squares, mut count) = (0.0, 0);
+    for o in c.evidence.observations.iter().filter(of_motion) {
+        squares += o.residual_px[0].powi(2) + o.residual_px[1].powi(2);
+        count += 1;
+    }
+    let joint_rms_px = (report.used && count > 0).then(|| (2.0 * squares / f64::from(count)).sqrt());
+    let up = |name: &str| {
+        let v = c.views.iter().find(|v| v.image == name && v.attitude.is_some())?;
+        Some(up_in_camera(v.pitch_down_deg.to_radians(), v.roll_deg.to_radians()))
+    };
+    let apart_deg = match (up(&report.from), up(&report.to)) {
+        (Some(a), Some(b)) if report.used => Some(a.cross(&b).norm().atan2(a.dot(&b)).to_degrees()),
+        _ => None,
+    };
     Motion {
         pair,
         images: p.images,
@@ -212,69 +240,88 @@ fn motion(c: &Calibration, pair: usize) -> Motion {
         rejected: p.matches.len() - accepted,
         lost: p.lost_patches.len(),
         rms_px: report.rms_px,
-        weighted_rms,
-        clusters: clusters(p, c.camera.image_size),
+        joint_rms_px,
+        apart_deg,
+        attention: None,
+        clusters: clusters(p, &c.evidence, c.camera.image_size),
         overlay: overlay(c, report, p),
     }
 }
 
-/// Parts of the first image where rejected matches (and patches not found) are most of all, and more than elsewhere.
-pub fn clusters(p: &PairEvidence, [width, height]: [usize; 2]) -> Vec<Cluster> {
-    let side = width.max(height) as f64 / CELLS as f64;
-    let (columns, rows) = ((width as f64 / side).ceil() as usize, (height as f64 / side).ceil() as usize);
-    let mut cells = vec![[0usize; 2]; columns * rows];
-    let place = |x: f64, n: usize| ((x / side).max(0.0) as usize).min(n - 1);
-    let mut count = |[x, y]: [f64; 2], rejected: bool| {
-        cells[place(y, rows) * columns + place(x, columns)][usize::from(rejected)] += 1;
-    };
-    for m in &p.matches {
-        count(m.a, !m.accepted);
+/// Parts of the first image where rejected matches (and patches not found) are among themselves: those most of whose nearest
+/// neighbours are rejected too, more than chance gives, joined with these neighbours. What the second image does not show cannot
+/// be matched and does not count.
+pub fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster> {
+    let shown = |a: [f64; 2]| carried(p, e, Vector2::from(a)).is_none_or(|b| inside(b, size));
+    let of = |wanted: bool| p.matches.iter().filter(move |m| m.accepted == wanted).map(|m| m.a);
+    let rejected: Vec<[f64; 2]> = of(false).chain(p.lost_patches.iter().copied()).filter(|a| shown(*a)).collect();
+    let all: Vec<[f64; 2]> = rejected.iter().copied().chain(of(true)).collect();
+    if rejected.len() < CLUSTER_REJECTED || all.len() <= NEIGHBOURS {
+        return Vec::new();
     }
-    for place in &p.lost_patches {
-        count(*place, true);
-    }
-    let total = cells.iter().fold([0, 0], |sum, c| [sum[0] + c[0], sum[1] + c[1]]);
-    let share = total[1] as f64 / (total[0] + total[1]).max(1) as f64;
-    let stands_out = |[accepted, rejected]: [usize; 2]| {
-        let n = (accepted + rejected) as f64;
-        let excess = rejected as f64 - n * share;
-        rejected >= CELL_REJECTED && rejected > accepted && excess > 2.0 * (n * share * (1.0 - share)).sqrt()
-    };
-    let mut open: Vec<bool> = cells.iter().map(|c| stands_out(*c)).collect();
-    let mut found = Vec::new();
-    for start in 0..cells.len() {
-        if !open[start] {
-            continue;
-        }
-        open[start] = false;
-        let (mut stack, mut members) = (vec![start], Vec::new());
-        while let Some(i) = stack.pop() {
-            members.push(i);
-            let (x, y) = (i % columns, i / columns);
-            for ny in y.saturating_sub(1)..=(y + 1).min(rows - 1) {
-                for nx in x.saturating_sub(1)..=(x + 1).min(columns - 1) {
-                    let next = ny * columns + nx;
-                    if std::mem::take(&mut open[next]) {
-                        stack.push(next);
-                    }
-                }
+    let share = rejected.len() as f64 / all.len() as f64;
+    let (mean, deviation) = (NEIGHBOURS as f64 * share, (NEIGHBOURS as f64 * share * (1.0 - share)).sqrt());
+    let enough = MOST_NEIGHBOURS.max((mean + CHANCE * deviation).ceil() as usize);
+    // Rejected neighbours of each rejected point that is among its like. Places come first in `all`.
+    let among: Vec<Vec<usize>> = (0..rejected.len())
+        .map(|i| {
+            let squared = |k: usize| (all[k][0] - all[i][0]).powi(2) + (all[k][1] - all[i][1]).powi(2);
+            let mut near: Vec<(f64, usize)> = (0..all.len()).filter(|k| *k != i).map(|k| (squared(k), k)).collect();
+            near.select_nth_unstable_by(NEIGHBOURS - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            let like: Vec<usize> = near[..NEIGHBOURS].iter().map(|n| n.1).filter(|k| *k < rejected.len()).collect();
+            if like.len() >= enough { like } else { Vec::new() }
+        })
+        .collect();
+    let mut label: Vec<usize> = (0..rejected.len()).collect();
+    for (i, like) in among.iter().enumerate() {
+        for &k in like {
+            let (keep, change) = (label[i].min(label[k]), label[i].max(label[k]));
+            if keep != change {
+                label.iter_mut().filter(|l| **l == change).for_each(|l| *l = keep);
             }
         }
-        let sum = |k: usize| members.iter().map(|&i| cells[i][k]).sum::<usize>();
-        if sum(1) < CLUSTER_REJECTED {
-            continue;
-        }
-        let over = |f: fn(usize, usize) -> usize| {
-            let values = members.iter().map(|&i| f(i, columns));
-            (values.clone().min().unwrap_or(0) as f64, values.max().unwrap_or(0) as f64 + 1.0)
-        };
-        let ((left, right), (top, bottom)) = (over(|i, n| i % n), over(|i, n| i / n));
-        let ends = [left, top, right, bottom].map(|v| v * side - 0.5);
-        let box_px = [ends[0], ends[1], ends[2].min(width as f64 - 0.5), ends[3].min(height as f64 - 0.5)];
-        found.push(Cluster { box_px, rejected: sum(1), accepted: sum(0) });
     }
-    found.sort_by_key(|c| std::cmp::Reverse(c.rejected));
+    let mut found: Vec<Cluster> = (0..rejected.len())
+        .map(|root| (0..rejected.len()).filter(|&i| label[i] == root).map(|i| rejected[i]).collect::<Vec<_>>())
+        .filter(|members| members.len() >= CLUSTER_REJECTED)
+        .map(|members| {
+            let ends = |k: usize| {
+                members.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], p| [l.min(p[k]), h.max(p[k])])
+            };
+            let ([left, right], [top, bottom]) = (ends(0), ends(1));
+            let within = |[x, y]: &[f64; 2]| (left..=right).contains(x) && (top..=bottom).contains(y);
+            Cluster {
+                box_px: [left, top, right, bottom],
+                rejected: members.len(),
+                accepted: of(true).filter(|a| within(a)).count(),
+            }
+        })
+        .collect();
+    found.sort_by(|a, b| b.rejected.cmp(&a.rejected));
     found
+}
+
+/// Where the pair's homography takes a pixel of the first image in the second, lens and all.
+fn carried(p: &PairEvidence, e: &Evidence, a: Vector2<f64>) -> Option<Vector2<f64>> {
+    let h = Matrix3::from_fn(|r, k| p.h_b_from_a.map_or(if r == k { 1.0 } else { 0.0 }, |h| h[r][k]));
+    transferred(&h, e, &a)
+}
+
+fn transferred(h: &Matrix3<f64>, e: &Evidence, a: &Vector2<f64>) -> Option<Vector2<f64>> {
+    let ideal = match &e.lens {
+        Some(lens) => lens.ideal_point(a)?,
+        None => *a,
+    };
+    let q = h * Vector3::new(ideal.x, ideal.y, 1.0);
+    let b = (q.z > 0.0).then(|| Vector2::new(q.x / q.z, q.y / q.z))?;
+    match &e.lens {
+        Some(lens) => lens.real_point(&b),
+        None => Some(b),
+    }
+}
+
+fn inside(p: Vector2<f64>, [width, height]: [usize; 2]) -> bool {
+    p.x >= 0.0 && p.y >= 0.0 && p.x <= width as f64 - 1.0 && p.y <= height as f64 - 1.0
 }
 
 fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<Overlay> {
@@ -344,7 +391,7 @@ mod tests {
     use super::*;
     use groundcal::evidence::MatchEvidence;
 
-    fn grid(rejected: impl Fn(f64, f64) -> bool) -> PairEvidence {
+    fn grid(rejected: impl Fn(f64, f64) -> bool) -> Vec<Cluster> {
         let matches = (0..1200)
             .map(|i| {
                 let (x, y) = ((i % 40) as f64 * 16.0 + 5.0, (i / 40) as f64 * 16.0 + 5.0);
@@ -352,20 +399,36 @@ mod tests {
                 MatchEvidence { a: [x, y], b: [x, y], patch: false, accepted, distance_px: None }
             })
             .collect();
-        PairEvidence { matches, ..PairEvidence::default() }
+        clusters(&PairEvidence { matches, ..PairEvidence::default() }, &Evidence::default(), [640, 480])
     }
 
     #[test]
     fn rejected_matches_that_gather_are_found_and_scattered_ones_are_not() {
         let inside = |x: f64, y: f64| (200.0..320.0).contains(&x) && (120.0..220.0).contains(&y);
-        let found = clusters(&grid(inside), [640, 480]);
-        assert_eq!(found.len(), 1);
+        let found = grid(inside);
+        assert_eq!(found.len(), 1, "{found:?}");
+        // Places lie 16 pixels apart from 5 on; corners have more neighbours outside.
         let [left, top, right, bottom] = found[0].box_px;
-        assert!(left <= 200.0 && left > 140.0 && right >= 305.0 && right < 380.0, "{found:?}");
-        assert!(top <= 133.0 && top > 60.0 && bottom >= 205.0 && bottom < 280.0, "{found:?}");
-        assert!(found[0].rejected >= 40);
+        assert!((213.0..=229.0).contains(&left) && (293.0..=309.0).contains(&right), "{found:?}");
+        assert!((133.0..=149.0).contains(&top) && (197.0..=213.0).contains(&bottom), "{found:?}");
+        assert!(found[0].rejected > 30 && found[0].accepted == 0, "{found:?}");
         // One in four, evenly: nothing stands out.
-        assert!(clusters(&grid(|x, y| ((x + 3.0 * y) as usize / 16) % 4 == 0), [640, 480]).is_empty());
-        assert!(clusters(&grid(|_, _| false), [640, 480]).is_empty());
+        assert!(grid(|x, y| ((x + 3.0 * y) as usize / 16) % 4 == 0).is_empty());
+        assert!(grid(|_, _| false).is_empty() && grid(|_, _| true).is_empty());
+    }
+
+    #[test]
+    fn what_the_second_image_does_not_show_does_not_count() {
+        let at = |i: usize, accepted: bool, x0: f64| {
+            let a = [x0 + (i % 20) as f64 * 8.0, (i / 20) as f64 * 20.0];
+            MatchEvidence { a, b: a, patch: false, accepted, distance_px: None }
+        };
+        // The right half of the first image lies outside the second, and nothing is accepted there.
+        let matches = (0..400).map(|i| at(i, true, 10.0)).chain((0..100).map(|i| at(i, false, 400.0))).collect();
+        let shifted = Some([[1.0, 0.0, 320.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+        let pair = PairEvidence { matches, h_b_from_a: shifted, ..PairEvidence::default() };
+        assert!(clusters(&pair, &Evidence::default(), [640, 480]).is_empty());
+        let here = PairEvidence { h_b_from_a: None, ..pair };
+        assert_eq!(clusters(&here, &Evidence::default(), [640, 480]).len(), 1);
     }
 }

@@ -3,7 +3,10 @@
 //! Means are weighted by 1 / σ², σ being the deviation of each residual; a point's residuals in its two or more images are
 //! parts of one error, so the deviation of a mean is that of independent ones.
 
-use groundcal::{evidence::ObservationEvidence, result::Calibration};
+use groundcal::{
+    evidence::ObservationEvidence,
+    result::{Calibration, Refinement},
+};
 use serde::Serialize;
 
 /// Residuals, measured less predicted, in pixels.
@@ -19,6 +22,9 @@ pub struct Residuals {
     pub radial_significance: f64,
     /// Mean radial residual where it is largest, pixels.
     pub radial_px: f64,
+    /// How many times larger residuals are than those about a homography of each pair's own, for patches and for points (1: the
+    /// camera explains them as well).
+    pub times_own: [Option<f64>; 2],
 }
 
 /// Residuals of an image.
@@ -141,6 +147,8 @@ pub fn residuals(c: &Calibration) -> Option<Residuals> {
         radial_significance: worst.map_or(0.0, Ring::significance),
         radial_px: worst.map_or(0.0, |r| r.radial_px),
         rings,
+        times_own: [|r: &Refinement| r.patches, |r: &Refinement| r.points]
+            .map(|of| Some(of(c.fit.refinement.as_ref()?)?.variance_factor.sqrt())),
     })
 }
 

@@ -145,6 +145,11 @@ fn spread(conic: &Conic) -> String {
     }
     for (i, a) in conic.attitudes.iter().enumerate() {
         let [x, y] = at(a.pitch_down_deg, a.roll_deg);
+        for [pitch, roll] in &a.views {
+            let own = at(*pitch, *roll);
+            svg.line(&format!("strays {}", style(Some(i))), [x, y], own);
+            svg.circle(&format!("own {}", style(Some(i))), own, 2.0);
+        }
         svg.circle(&format!("foot {}", style(Some(i))), [x, y], 6.0);
         svg.text("mark", [x + 10.0, y - 7.0], Anchor::Start, &(i + 1).to_string());
     }
@@ -153,7 +158,7 @@ fn spread(conic: &Conic) -> String {
         &svg.finish(),
         &format!(
             "How the attitudes are spread: roll as the angle, pitch below the horizon from the rim (level) to the middle (straight down). \
-             Spread here: {} degrees of pitch, {} of roll. Points far apart, and not all on one spoke, determine the camera best.",
+             Spread here: {} degrees of pitch, {} of roll. Points far apart, and not all on one spoke, determine the camera best. Small dots are single views: away from their ring the camera tilted between them.",
             fixed(conic.pitch_spread_deg, 1),
             fixed(conic.roll_spread_deg, 1)
         ),

@@ -90,8 +90,11 @@ fn motion(index: usize, m: &Motion, c: &Calibration, pictures: &Pictures) -> Str
     if let Some(rms) = m.rms_px {
         facts.push(format!("{} px rms about its own homography", fixed(rms, 3)));
     }
-    if let Some(rms) = m.weighted_rms {
-        facts.push(format!("{} standard deviations rms about the camera of all (1 expected)", fixed(rms, 2)));
+    if let Some(rms) = m.joint_rms_px {
+        facts.push(format!("{} px rms about the camera of all motions", fixed(rms, 3)));
+    }
+    if let Some(apart) = m.apart_deg {
+        facts.push(format!("attitudes of its views {}\u{b0} apart", fixed(apart, 3)));
     }
     let mut out = format!(
         "<article class=\"motion{}\" id=\"motion{index}\">\n<h3>{} \u{2192} {}</h3>\n<p>{}.</p>\n",
@@ -103,6 +106,9 @@ fn motion(index: usize, m: &Motion, c: &Calibration, pictures: &Pictures) -> Str
     if !m.used {
         let reason = m.reason.as_deref().unwrap_or("no reason is known");
         let _ = write!(out, "<p class=\"note\"><strong>Not used:</strong> {}.</p>\n", escape(reason));
+    }
+    if let Some(attention) = &m.attention {
+        let _ = write!(out, "<p class=\"note\"><strong>Does not fit:</strong> {}.</p>\n", escape(attention));
     }
     let p = &c.evidence.pairs[m.pair];
     if !p.matches.is_empty() || !pictures.thumbnails.is_empty() {

@@ -14,6 +14,8 @@ use crate::report::{
 const DRAWN: usize = 40;
 /// Deviations from which on a mean is drawn bold.
 const BOLD: f64 = 3.0;
+/// Residuals so many times as large as those of single homographies are not explained.
+const MANY_TIMES: f64 = 2.5;
 
 pub fn section(c: &Calibration, r: &Residuals) -> String {
     let verdict = if r.radial_significance > 4.0 {
@@ -31,6 +33,23 @@ pub fn section(c: &Calibration, r: &Residuals) -> String {
         )
     };
     let mut out = verdict;
+    let [patches, points] = r.times_own;
+    let kinds = [("patches", patches), ("points", points)].into_iter().filter_map(|(kind, t)| Some((kind, t?)));
+    let times: Vec<String> = kinds.map(|(kind, t)| format!("{} for {kind}", fixed(t, 2))).collect();
+    // Features of images have errors of their own that patches have not: patches tell, where there are any.
+    let worst = patches.or(points).unwrap_or(1.0);
+    let text = format!(
+        "Residuals are {} times as large as about a homography of each pair's own (1: the camera explains them as well)",
+        times.join(" and ")
+    );
+    if worst > MANY_TIMES {
+        let _ = writeln!(
+            out,
+            "<p class=\"note\"><strong>The model does not explain the matches:</strong> {text}. A motion is wrong, or the lens model too simple.</p>"
+        );
+    } else if !times.is_empty() {
+        let _ = writeln!(out, "<p>{text}.</p>");
+    }
     out.push_str("<div class=\"figures\">\n");
     out.push_str(&against_radius(&r.rings));
     let longest = longest(&r.all, false);
