@@ -261,7 +261,7 @@ pub fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster
     }
     let share = rejected.len() as f64 / all.len() as f64;
     let (mean, deviation) = (NEIGHBOURS as f64 * share, (NEIGHBOURS as f64 * share * (1.0 - share)).sqrt());
-    let enough = MOST_NEIGHBOURS.max((mean + CHANCE * deviation).ceil() as usize);
+    let enough = MOST_NEIGHBOURS.max((mean + CHANCE * deviation) as usize + 1);
     // Rejected neighbours of each rejected point that is among its like. Places come first in `all`.
     let among: Vec<Vec<usize>> = (0..rejected.len())
         .map(|i| {
