@@ -57,6 +57,8 @@ impl Anchor {
 /// A drawing being made. Writing to a string cannot fail.
 pub struct Svg {
     open: String,
+    width: f64,
+    scale: Option<f64>,
     body: String,
 }
 
@@ -65,8 +67,8 @@ impl Svg {
     pub fn new(view_box: [f64; 4], class: &str, label: &str) -> Self {
         let [x, y, w, h] = view_box.map(short);
         let open =
-            format!(r#"<svg class="{class}" viewBox="{x} {y} {w} {h}" role="img" aria-label="{}">"#, escape(label));
-        Self { open, body: String::new() }
+            format!(r#"<svg class="{class}" viewBox="{x} {y} {w} {h}" role="img" aria-label="{}""#, escape(label));
+        Self { open, width: view_box[2], scale: None, body: String::new() }
     }
 
     /// Elements made elsewhere.
@@ -128,9 +130,17 @@ impl Svg {
         self
     }
 
+    /// Gives the drawing a width of its own, in units of the page's pixels to one of the drawing's.
+    pub fn at_scale(&mut self, scale: f64) -> &mut Self {
+        self.scale = Some(scale);
+        self
+    }
+
     /// The element.
     pub fn finish(self) -> String {
-        format!("{}{}</svg>", self.open, self.body)
+        let own =
+            self.scale.map_or(String::new(), |scale| format!(" style=\"width:{}px\"", (self.width * scale).round()));
+        format!("{}{own}>{}</svg>", self.open, self.body)
     }
 }
 

@@ -23,6 +23,8 @@ const MATCHES: usize = 2500;
 const LANDMARKS: usize = 8;
 /// Width of a drawn image in the drawing's units.
 const WIDTH: f64 = 640.0;
+/// Page pixels to one of an overlay.
+const OVERLAY_SCALE: f64 = 1.1;
 /// A horizon this far outside the image, in image heights, is still drawn.
 const OUTSIDE: f64 = 0.4;
 
@@ -336,6 +338,8 @@ impl FloorFrame {
             "to the right of the first camera, camera heights",
         );
         self.svg.text_up("tick", [13.0, 0.5 * (top + bottom)], "ahead, camera heights");
+        // As large as the pictures in it, so that all texts of the page have one size.
+        self.svg.at_scale(OVERLAY_SCALE);
         self.svg.finish()
     }
 }

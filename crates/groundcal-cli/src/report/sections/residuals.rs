@@ -35,11 +35,11 @@ pub fn section(c: &Calibration, r: &Residuals) -> String {
     let mut out = verdict;
     let [patches, points] = r.times_own;
     let kinds = [("patches", patches), ("points", points)].into_iter().filter_map(|(kind, t)| Some((kind, t?)));
-    let times: Vec<String> = kinds.map(|(kind, t)| format!("{} for {kind}", fixed(t, 2))).collect();
+    let times: Vec<String> = kinds.map(|(kind, t)| format!("{} times ({kind})", fixed(t, 2))).collect();
     // Features of images have errors of their own that patches have not: patches tell, where there are any.
     let worst = patches.or(points).unwrap_or(1.0);
     let text = format!(
-        "Residuals are {} times as large as about a homography of each pair's own (1: the camera explains them as well)",
+        "Residuals are {} as large as those about a homography of each pair's own (1: the camera explains them as well)",
         times.join(" and ")
     );
     if worst > MANY_TIMES {
