@@ -146,13 +146,17 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(50..=50_000))]
     pub max_features: u32,
 
-    /// Write calibration.json and the camera in the formats of other programs into this folder (made if need be)
+    /// Write calibration.json, report.html and the camera in the formats of other programs into this folder (made if need be)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 
     /// Formats written into --out beside calibration.json, separated by commas [default: all]
     #[arg(long, value_name = "NAME", value_enum, value_delimiter = ',', requires = "out")]
     pub format: Vec<Format>,
+
+    /// Leave out report.html, the page that shows the calibration
+    #[arg(long, requires = "out")]
+    pub no_report: bool,
 
     /// Print the calibration as JSON on standard output and nothing else there
     #[arg(long)]

@@ -7,13 +7,14 @@ mod experiment;
 mod export;
 mod import;
 mod load;
-mod plan;
 mod man;
 mod pictures;
+mod plan;
 mod plot;
 mod progress;
 mod rectify;
 mod render_scene;
+mod report;
 mod simulate;
 mod undistort;
 
@@ -21,6 +22,7 @@ use std::{
     io::{IsTerminal, Write},
     path::Path,
     process::ExitCode,
+    time::Instant,
 };
 
 use args::{CalibrateArgs, Cli, Command, SimulateArgs};
@@ -31,6 +33,7 @@ use export::formats::Format;
 use groundcal::{
     calibrate::{Options, calibrate_images, calibrate_matches},
     distortion::Distortion,
+    image::GrayImage,
     result::{Calibration, Warning},
 };
 use progress::Progress;
@@ -124,18 +127,21 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     start_threads(args.threads)?;
     let progress = Progress::new("reading");
     let result = run(args, &progress);
-    let times = progress.finish();
-    let (mut calibration, images) = result?;
+    let mut times = progress.finish();
+    let Calibrated { mut calibration, count, images } = result?;
     if let Some(height_m) = args.camera_height {
         calibration = calibration.with_camera_height(height_m)?;
     }
     if let Some(out) = &args.out {
-        for note in write_results(out, &calibration, &args.format)? {
+        let start = Instant::now();
+        let page = if args.no_report { None } else { Some(report::html(&calibration, &images)?) };
+        for note in write_results(out, &calibration, &args.format, page.as_deref())? {
             let _ = writeln!(std::io::stderr(), "note: {note}");
         }
+        times.push(("writing", start.elapsed()));
     }
     let page =
-        if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, images, args.verbose) };
+        if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, count, args.verbose) };
     print(&page)?;
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
@@ -148,8 +154,17 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Input to calibration; also the number of images.
-fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize), CliError> {
+/// A calibration and what it was made from.
+struct Calibrated {
+    calibration: Calibration,
+    /// How many images.
+    count: usize,
+    /// The images themselves; none for matches from elsewhere.
+    images: Vec<GrayImage>,
+}
+
+/// Input to calibration.
+fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError> {
     let mut options = options(args);
     match load::find(&args.inputs)? {
         load::Input::Images(files) => {
@@ -163,7 +178,8 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize)
                 options.pairs = Some(load::pairs(path, &names)?);
             }
             let images = load::images(&files)?;
-            Ok((calibrate_images(&names, &images, &options, progress)?, names.len()))
+            let calibration = calibrate_images(&names, &images, &options, progress)?;
+            Ok(Calibrated { calibration, count: names.len(), images })
         }
         load::Input::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
@@ -175,12 +191,12 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<(Calibration, usize)
             if let Some(path) = &args.pairs {
                 options.pairs = Some(load::pairs(path, &table.names)?);
             }
-            let images = table.names.len();
+            let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
             if table.neighbours_only {
-                calibration.warnings.push(Warning::NeighboursOnly { images }.report());
+                calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
             }
-            Ok((calibration, images))
+            Ok(Calibrated { calibration, count, images: Vec::new() })
         }
     }
 }
@@ -203,12 +219,21 @@ fn options(args: &CalibrateArgs) -> Options {
     options
 }
 
-/// The files of `--out`, `calibration.json` last; the folder is made if need be. Returns what the formats cannot say.
-fn write_results(out: &Path, calibration: &Calibration, formats: &[Format]) -> Result<Vec<String>, CliError> {
+/// The files of `--out`, the report's page among them if there is one, `calibration.json` last; the folder is made if need be. Returns
+/// what the formats cannot say.
+fn write_results(
+    out: &Path,
+    calibration: &Calibration,
+    formats: &[Format],
+    page: Option<&str>,
+) -> Result<Vec<String>, CliError> {
     std::fs::create_dir_all(out)
         .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
     let json = export::json(calibration)?;
     let rendered = export::formats::render(calibration, formats)?;
+    if let Some(page) = page {
+        export::write_whole(&out.join("report.html"), page.as_bytes())?;
+    }
     for file in &rendered.files {
         export::write_whole(&out.join(file.name), file.content.as_bytes())?;
     }

@@ -459,6 +459,7 @@ fn out_holds_every_format_and_the_same_json() {
         "cameras.txt",
         "images.txt",
         "points3D.txt",
+        "report.html",
         "transforms.json",
     ];
     assert_eq!(names, BTreeSet::from(expected));

@@ -18,7 +18,7 @@
 //! | [`transfer`] | one motion's circular points carried into other views |
 //! | [`camera_model`], [`camera_difference`] | a camera with any lens others describe; how far two differ, in pixels |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
-//! | [`mod@calibrate`], [`result`] | the front door; the result value and its warnings |
+//! | [`mod@calibrate`], [`result`], [`evidence`] | the front door; the result value, its warnings and what it was made from |
 //! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |
 //! | [`undistort`] | images as an ideal lens would have taken them |
 //! | [`intrinsics`], [`distortion`], [`attitude`], [`plane_view`], [`frame`] | models and conventions |
@@ -38,6 +38,7 @@ pub mod circular_points;
 pub mod correspondence;
 pub mod distortion;
 pub mod error;
+pub mod evidence;
 pub mod features;
 pub mod floor;
 pub mod frame;

@@ -7,7 +7,7 @@ use nalgebra::{SMatrix, SVector};
 use serde::Serialize;
 
 use crate::{
-    bundle::VIEW_NUMBERS, distortion::Distortion, error::Error, floor::FloorView, image::ImageSize,
+    bundle::VIEW_NUMBERS, distortion::Distortion, error::Error, evidence::Evidence, floor::FloorView, image::ImageSize,
     intrinsics::Intrinsics,
 };
 
@@ -54,6 +54,9 @@ pub struct Calibration {
     pub motions: Vec<MotionReport>,
     /// What to beware of.
     pub warnings: Vec<WarningReport>,
+    /// What it was made from, point by point; not written to the JSON.
+    #[serde(skip)]
+    pub evidence: Evidence,
 }
 
 /// Camera parameters in pixels.

@@ -69,6 +69,8 @@ pub(super) struct SharedFloors {
 /// A refined calibration with the images its views are.
 pub(super) struct Joint {
     pub(super) bundle: Bundle,
+    /// What it was refined on.
+    pub(super) tracks: Vec<Track>,
     /// Image of each view.
     pub(super) images: Vec<usize>,
     /// The attitude of the solution that each group has.
@@ -88,7 +90,7 @@ pub(super) struct Joint {
 }
 
 impl Joint {
-    fn new(bundle: Bundle, images: Vec<usize>, tangential: [f64; 2], frame: &Frame) -> Self {
+    fn new(bundle: Bundle, tracks: Vec<Track>, images: Vec<usize>, tangential: [f64; 2], frame: &Frame) -> Self {
         let c = &bundle.state.camera;
         let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&c.fixed_rows::<5>(0).into()));
         intrinsics.skew += 0.0;
@@ -103,6 +105,7 @@ impl Joint {
             ties: Vec::new(),
             floors: SharedFloors::default(),
             attitude_of_group: Vec::new(),
+            tracks,
             bundle,
         }
     }
@@ -342,7 +345,7 @@ impl Pipeline<'_> {
                     .into(),
             });
         }
-        Ok(Joint::new(bundle, images, options.tangential, &self.frame()))
+        Ok(Joint::new(bundle, setup.tracks, images, options.tangential, &self.frame()))
     }
 
     /// Camera matrix and lens as the refinement starts from them.

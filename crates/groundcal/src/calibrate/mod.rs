@@ -4,6 +4,7 @@
 //! images ([`calibrate_images`], or with matches [`calibrate_matched_images`]), matches ([`calibrate_matches`]), homographies
 //! ([`calibrate_homographies`]) or circular points ([`calibrate_circular_points`]).
 
+mod evidence;
 mod joint;
 mod linear;
 mod pairs;
@@ -507,7 +508,7 @@ pub fn calibrate_homographies(
             let outcome = pairs::geometry_of(robust);
             (
                 ImagePair { from: *from, to: *to, matches: Vec::new() },
-                pairs::PairResult { candidates: estimate.matches, outcome },
+                pairs::PairResult { candidates: estimate.matches, outcome, superseded: None },
             )
         })
         .collect();

@@ -3,7 +3,7 @@
 use nalgebra::{Vector2, Vector4};
 use rayon::prelude::*;
 
-use super::{Pipeline, Stage};
+use super::{Pipeline, Stage, evidence::Superseded};
 use crate::{
     circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, from_homography},
     correspondence::{ImagePair, PointMatch},
@@ -59,6 +59,8 @@ const ON_A_LINE: f64 = 0.01;
 pub(super) struct PairResult {
     pub(super) candidates: usize,
     pub(super) outcome: Result<(RobustHomography, MotionGeometry), Refusal>,
+    /// What patches took the place of, if they did.
+    pub(super) superseded: Option<Box<Superseded>>,
 }
 
 pub(super) fn geometry_of(robust: RobustHomography) -> Result<(RobustHomography, MotionGeometry), Refusal> {
@@ -135,6 +137,7 @@ impl Pipeline<'_> {
         let refuse = |reason: String, kind, homography| PairResult {
             candidates,
             outcome: Err(Refusal { reason, rotation_deg: None, homography, error: None, kind }),
+            superseded: None,
         };
         if candidates < self.min_matches.max(4) {
             let text = format!("{candidates} matches only ({} needed)", self.min_matches.max(4));
@@ -164,6 +167,7 @@ impl Pipeline<'_> {
                 PairResult {
                     candidates,
                     outcome: Err(Refusal { reason, rotation_deg: None, homography: None, error, kind }),
+                    superseded: None,
                 }
             }
             Ok(found) if spread_ratio(&found.inliers.iter().map(|&k| ideal[k]).collect::<Vec<_>>()) < ON_A_LINE => {
@@ -180,6 +184,7 @@ impl Pipeline<'_> {
                         error,
                         kind,
                     }),
+                    superseded: None,
                 }
             }
             Ok(found) if found.inliers.len() < self.min_matches => {
@@ -199,7 +204,7 @@ impl Pipeline<'_> {
                 if let Ok((robust, geometry)) = &mut outcome {
                     geometry.circular_point.by_k1 = self.shift_by_k1(&ideal, robust, &geometry.circular_point);
                 }
-                PairResult { candidates, outcome }
+                PairResult { candidates, outcome, superseded: None }
             }
         }
     }

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
-use super::{Pipeline, Stage, pairs::PairResult};
+use super::{Pipeline, Stage, evidence::Superseded, pairs::PairResult};
 use crate::{
     correspondence::{ImagePair, PointMatch},
     image::GrayImage,
@@ -13,6 +13,8 @@ use crate::{
 
 /// Fewest patches that replace feature matches.
 const MIN_PATCHES: usize = 30;
+/// Distance from the border, in half sides of a patch, within which a patch may be found missing because part of it is outside.
+const LOST_MARGIN: f64 = 2.5;
 
 impl Pipeline<'_> {
     /// Replaces the matches of the pairs `used` by patches matched by least squares and fits the homographies to them. A
@@ -68,6 +70,20 @@ impl Pipeline<'_> {
         if matches.len() < MIN_PATCHES {
             return None;
         }
+        let found: std::collections::HashSet<_> = patches.iter().map(|m| (m.a.x as usize, m.a.y as usize)).collect();
+        // Only where all of the patch should be seen.
+        let (size, margin) = (images[pair.to].size(), options.radius_px as f64 * LOST_MARGIN);
+        let seen_in_b = |p: &Vector2<f64>| {
+            p.x > margin && p.y > margin && p.x < size.width as f64 - margin && p.y < size.height as f64 - margin
+        };
+        let lost = grids
+            .get(&pair.from)?
+            .iter()
+            .filter(|place| !found.contains(place))
+            .map(|&(x, y)| Vector2::new(x as f64, y as f64))
+            .filter(|a| map(a).is_some_and(|b| seen_in_b(&b)))
+            .map(|a| a.into())
+            .collect();
         let sharp = ImagePair { matches, ..pair.clone() };
         let mut next = self.homography_with(&sharp, lens, self.robust_options(true));
         let (found, sharp_geometry) = next.outcome.as_mut().ok()?;
@@ -78,6 +94,7 @@ impl Pipeline<'_> {
         }
         (found.patches, found.static_background) = (true, robust.static_background);
         next.candidates = result.candidates;
+        next.superseded = Some(Box::new(Superseded::new(pair, robust, lost)));
         Some((sharp, next))
     }
 }

@@ -18,6 +18,7 @@ use crate::{
     correspondence::ImagePair,
     distortion::Distortion,
     error::Error,
+    evidence::Evidence,
     frame::Frame,
     image::ImageSize,
     intrinsics::Intrinsics,
@@ -207,7 +208,8 @@ impl Pipeline<'_> {
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        self.assemble(solution, joint.as_ref(), &lens, reports, motion_reports, &warnings)
+        let calibration = self.assemble(solution, joint.as_ref(), &lens, reports, motion_reports, &warnings);
+        Calibration { evidence: self.evidence(pairs, results, joint.as_ref(), known), ..calibration }
     }
 
     /// Motions whose views' attitudes stray by more than σ_a explains: chi-squared of four deviations, one in a hundred for all
@@ -434,6 +436,7 @@ impl Pipeline<'_> {
             attitudes,
             motions,
             warnings: warnings.iter().map(Warning::report).collect(),
+            evidence: Evidence::default(),
         }
     }
 }

@@ -132,6 +132,7 @@ impl Pipeline<'_> {
             self.homography(pair, lens)
         };
         next.candidates = before.candidates;
+        next.superseded.clone_from(&before.superseded);
         if let (Ok((new, _)), Ok((old, _))) = (&mut next.outcome, &before.outcome) {
             (new.patches, new.static_background) = (old.patches, old.static_background);
         }
