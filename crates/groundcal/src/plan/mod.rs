@@ -4,7 +4,7 @@
 //! Λ(S) = Λ₀ + Σ_{m ∈ S} Λ_m,    Σ = Λ(S)⁻¹,    var ln f = cᵀ Σ c,    f = √(fx fy),  c = (1, ½, 0, 0, 0, 0, 0)
 //! ```
 //!
-//! over (ln fx, ln fy/fx, cx, cy, skew, k1, k2): Λ_m is the Fisher information of a motion ([`mod@information`]), Λ₀ that of the
+//! over (ln fx, ln fy/fx, cx, cy, skew, k1, k2): Λ_m is the Fisher information of a motion (`information.rs`), Λ₀ that of the
 //! priors, or the inverse covariance of a calibration that is to be improved. Σ is what the joint refinement reports, to first
 //! order, of motions whose views' attitudes and heights stray as assumed. The motions are chosen from a grid of attitudes and
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
