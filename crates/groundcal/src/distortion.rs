@@ -66,6 +66,23 @@ impl Distortion {
         )
     }
 
+    /// Whether an ideal point lies within the first fold of the lens model, where the map is one to one. Further out the polynomial
+    /// may rise again and show points far to the side in the middle of the image.
+    pub fn is_one_to_one_at(&self, p: &Vector2<f64>) -> bool {
+        if self.is_none() {
+            return true;
+        }
+        // Radially: the first root of d/dr (r + k1 r³ + k2 r⁵) = 1 + b s + a s², s = r².
+        let (a, b) = (5.0 * self.k2, 3.0 * self.k1);
+        let discriminant = b * b - 4.0 * a;
+        let fold = match (b < 0.0, a < 0.0) {
+            (true, _) if discriminant >= 0.0 => 2.0 / (discriminant.sqrt() - b),
+            (false, true) => (b + discriminant.sqrt()) / (-2.0 * a),
+            _ => f64::INFINITY,
+        };
+        p.norm_squared() < fold && self.distort_jacobian(p).determinant() > 0.0
+    }
+
     /// Distorted to ideal normalised coordinates by Newton's method; `None` where the lens model folds over (no ideal
     /// point within the invertible disc maps there).
     pub fn undistort(&self, d: &Vector2<f64>) -> Option<Vector2<f64>> {
@@ -130,6 +147,28 @@ mod tests {
             step[c] = h;
             let difference = (d.distort(&(p + step)) - d.distort(&(p - step))) / (2.0 * h);
             assert!((difference - d.distort_jacobian(&p).column(c)).norm() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn the_first_fold_ends_where_the_map_is_one_to_one() {
+        for d in [
+            Distortion::radial(-0.4, 0.05),
+            Distortion::radial(-0.2, 0.0),
+            Distortion::radial(0.1, -0.05),
+            Distortion::radial(-0.1, -0.02),
+        ] {
+            // The radius grows up to the fold and no further.
+            let radius = |r: f64| d.distort(&Vector2::new(r, 0.0)).x;
+            let fold =
+                (1..10_000).map(|i| f64::from(i) * 1e-3).find(|r| radius(*r) <= radius(r - 1e-3)).expect("a fold");
+            assert!(d.is_one_to_one_at(&Vector2::new(0.0, fold - 0.003)), "{d:?} {fold}");
+            for beyond in [fold + 0.003, 1.5 * fold, 4.0 * fold] {
+                assert!(!d.is_one_to_one_at(&Vector2::new(beyond, 0.0)), "{d:?} {fold} {beyond}");
+            }
+        }
+        for d in [Distortion::default(), Distortion::radial(-0.25, 0.05), Distortion::radial(0.1, 0.01)] {
+            assert!(d.is_one_to_one_at(&Vector2::new(8.0, 3.0)), "{d:?} never folds");
         }
     }
 

@@ -143,8 +143,9 @@ impl FloorView {
             return None;
         }
         let n = Vector2::new(x.x / x.z, x.y / x.z);
-        let inside = self.distortion.is_none() || self.distortion.distort_jacobian(&n).determinant() > 0.0;
-        inside.then(|| self.intrinsics.pixel_from_normalised(&self.distortion.distort(&n)))
+        self.distortion
+            .is_one_to_one_at(&n)
+            .then(|| self.intrinsics.pixel_from_normalised(&self.distortion.distort(&n)))
     }
 
     /// The point of the floor seen at a pixel; `None` at or above the horizon, or where the lens model folds over.

@@ -102,8 +102,7 @@ impl Undistortion {
     /// The pixel of the original at a pixel of the undistorted image; `None` beyond the lens's fold. It may lie outside the original.
     pub fn source_pixel(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let n = self.intrinsics.normalised_from_pixel(pixel);
-        let inside = self.distortion.is_none() || self.distortion.distort_jacobian(&n).determinant() > 0.0;
-        inside.then(|| self.original.pixel_from_normalised(&self.distortion.distort(&n)))
+        self.distortion.is_one_to_one_at(&n).then(|| self.original.pixel_from_normalised(&self.distortion.distort(&n)))
     }
 
     /// [`Self::source_pixel`] of every pixel, x and y, row by row; -1 (outside the original) beyond the fold.
