@@ -142,7 +142,7 @@ impl OverlayMap {
 /// Pairs of images that no motion uses are shown too, up to so many.
 const UNUSED_SHOWN: usize = 6;
 /// Longer side of an overlay in pixels.
-pub const OVERLAY_PX: f64 = 560.0;
+pub const OVERLAY_PX: f64 = 460.0;
 /// How far floor is laid out, in camera heights.
 const OVERLAY_FARTHEST: f64 = 8.0;
 /// Floor beyond this lies outside every overlay, in camera heights.
@@ -151,7 +151,7 @@ const OUTLINE_FARTHEST: f64 = 40.0;
 const LEAST_APART_DEG: f64 = 0.2;
 const MANY_TIMES: f64 = 5.0;
 /// A motion that fits the camera of all so many times worse than a homography, and by so many pixels, does not fit it.
-const MISFIT: f64 = 3.0;
+const MISFIT: f64 = 4.0;
 const LEAST_MISFIT_PX: f64 = 0.1;
 /// Nearest neighbours looked at of a rejected match; how many of them must be rejected too, and by how many deviations more
 /// than chance gives; fewest rejected matches of a cluster.
