@@ -297,7 +297,7 @@ pub fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster
             }
         })
         .collect();
-    found.sort_by(|a, b| b.rejected.cmp(&a.rejected));
+    found.sort_by_key(|c| std::cmp::Reverse(c.rejected));
     found
 }
 
@@ -413,7 +413,7 @@ mod tests {
         assert!((133.0..=149.0).contains(&top) && (197.0..=213.0).contains(&bottom), "{found:?}");
         assert!(found[0].rejected > 30 && found[0].accepted == 0, "{found:?}");
         // One in four, evenly: nothing stands out.
-        assert!(grid(|x, y| ((x + 3.0 * y) as usize / 16) % 4 == 0).is_empty());
+        assert!(grid(|x, y| ((x + 3.0 * y) as usize / 16).is_multiple_of(4)).is_empty());
         assert!(grid(|_, _| false).is_empty() && grid(|_, _| true).is_empty());
     }
 

@@ -104,10 +104,10 @@ fn motion(index: usize, m: &Motion, c: &Calibration, pictures: &Pictures) -> Str
     );
     if !m.used {
         let reason = m.reason.as_deref().unwrap_or("no reason is known");
-        let _ = write!(out, "<p class=\"note\"><strong>Not used:</strong> {}.</p>\n", escape(reason));
+        let _ = writeln!(out, "<p class=\"note\"><strong>Not used:</strong> {}.</p>", escape(reason));
     }
     if let Some(attention) = &m.attention {
-        let _ = write!(out, "<p class=\"note\"><strong>Does not fit:</strong> {}.</p>\n", escape(attention));
+        let _ = writeln!(out, "<p class=\"note\"><strong>Does not fit:</strong> {}.</p>", escape(attention));
     }
     let p = &c.evidence.pairs[m.pair];
     if !p.matches.is_empty() || !pictures.thumbnails.is_empty() {
@@ -315,17 +315,17 @@ impl FloorFrame {
         }
     }
 
-    /// The grid and its labels above what was drawn.
-    fn finish(mut self) -> String {
+    /// The grid, its lines of a class, and its labels above what was drawn.
+    fn finish(mut self, grid: &str) -> String {
         let [left, right, top, bottom] = self.frame;
         let (tx, digits) = self.x.ticks(6);
         for t in tx {
-            self.svg.line("metric", [self.x.at(t), top], [self.x.at(t), bottom]);
+            self.svg.line(grid, [self.x.at(t), top], [self.x.at(t), bottom]);
             self.svg.text("tick", [self.x.at(t), bottom + 17.0], Anchor::Middle, &fixed(t, digits));
         }
         let (ty, digits) = self.y.ticks(5);
         for t in ty {
-            self.svg.line("metric", [left, self.y.at(t)], [right, self.y.at(t)]);
+            self.svg.line(grid, [left, self.y.at(t)], [right, self.y.at(t)]);
             self.svg.text("tick", [left - 7.0, self.y.at(t) + 4.0], Anchor::End, &fixed(t, digits));
         }
         self.svg.rect("frame", [left, top], [right - left, bottom - top]);
@@ -380,7 +380,7 @@ fn floor(index: usize, m: &Motion, o: &Overlay, [a, b]: &[Picture; 2], c: &Calib
          blink: the floor stays still, whatever jumps stands on it, moved, or does not fit.{fit}",
         m.from
     );
-    figure("whole lay", &format!("{controls}{}", frame.finish()), &caption)
+    figure("whole lay", &format!("{controls}{}", frame.finish("metric")), &caption)
 }
 
 /// Without pictures: the points of both views on the floor, which lie on each other where all fits.
@@ -409,5 +409,5 @@ fn floor_points(m: &Motion, o: &Overlay, c: &Calibration, p: &PairEvidence) -> S
          outside its square does not fit.",
         m.from, m.to
     );
-    figure("whole lay", &frame.finish(), &caption)
+    figure("whole lay", &frame.finish("grid"), &caption)
 }
