@@ -6,7 +6,7 @@ use groundcal::{
     image::{GrayImage, ImageSize},
     resample::{Pyramid, Raster, Resampled, resample},
 };
-use image::{ExtendedColorType, codecs::jpeg::JpegEncoder};
+use image::{ExtendedColorType, ImageBuffer, Luma, codecs::jpeg::JpegEncoder, imageops::thumbnail as thumbnail_of};
 use rayon::prelude::*;
 
 use super::model::motions::{Motion, Overlay, size_of};
@@ -59,29 +59,36 @@ pub fn pictures(images: &[GrayImage], e: &Evidence, motions: &mut [Motion]) -> R
     Ok(Pictures { thumbnails, overlays })
 }
 
+/// The values in 8 bits, row by row.
+fn bytes_of(image: &GrayImage) -> Vec<u8> {
+    image.data().iter().map(|v| (255.0 * v + 0.5) as u8).collect()
+}
+
 fn pyramid(image: &GrayImage) -> Result<Pyramid, CliError> {
-    let data = image.data().iter().map(|v| (255.0 * v + 0.5) as u8).collect();
-    let raster = Raster::from_rows(image.size(), 1, data)
+    let raster = Raster::from_rows(image.size(), 1, bytes_of(image))
         .ok_or_else(|| CliError::Other("an empty image cannot be shown in the report".into()))?;
     Ok(Pyramid::new(raster))
 }
 
 fn thumbnail(source: &Pyramid, side: f64) -> Result<Picture, CliError> {
-    let full = source.picture().size();
+    let (raster, full) = (source.picture(), source.picture().size());
     let scale = (full.width.max(full.height) as f64 / side).max(1.0);
     let reduced = |length: usize| ((length as f64 / scale).round() as usize).max(1);
     let size = ImageSize::new(reduced(full.width), reduced(full.height));
-    let [sx, sy] = [full.width as f64 / size.width as f64, full.height as f64 / size.height as f64];
-    let small =
-        resample(source, size, |p| Some(nalgebra::Vector2::new((p.x + 0.5) * sx - 0.5, (p.y + 0.5) * sy - 0.5)));
-    jpeg(small.picture.data(), size)
+    let whole = ImageBuffer::<Luma<u8>, &[u8]>::from_raw(pixels(full.width), pixels(full.height), raster.data())
+        .ok_or_else(|| CliError::Other("an empty image cannot be shown in the report".into()))?;
+    let small = thumbnail_of(&whole, pixels(size.width), pixels(size.height));
+    jpeg(small.as_raw(), size)
+}
+
+fn pixels(length: usize) -> u32 {
+    u32::try_from(length).unwrap_or(u32::MAX)
 }
 
 fn jpeg(data: &[u8], size: ImageSize) -> Result<Picture, CliError> {
     let mut bytes = Vec::new();
-    let side = |length: usize| u32::try_from(length).unwrap_or(u32::MAX);
     JpegEncoder::new_with_quality(&mut bytes, QUALITY)
-        .encode(data, side(size.width), side(size.height), ExtendedColorType::L8)
+        .encode(data, pixels(size.width), pixels(size.height), ExtendedColorType::L8)
         .map_err(|e| CliError::Other(format!("cannot encode a picture of the report: {e}")))?;
     let uri = format!("data:image/jpeg;base64,{}", STANDARD.encode(&bytes));
     Ok(Picture { size: [size.width, size.height], uri })

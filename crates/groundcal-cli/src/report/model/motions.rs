@@ -142,7 +142,7 @@ impl OverlayMap {
 /// Pairs of images that no motion uses are shown too, up to so many.
 const UNUSED_SHOWN: usize = 6;
 /// Longer side of an overlay in pixels.
-pub const OVERLAY_PX: f64 = 560.0;
+pub const OVERLAY_PX: f64 = 460.0;
 /// How far floor is laid out, in camera heights.
 const OVERLAY_FARTHEST: f64 = 8.0;
 /// Floor beyond this lies outside every overlay, in camera heights.
@@ -151,7 +151,7 @@ const OUTLINE_FARTHEST: f64 = 40.0;
 const LEAST_APART_DEG: f64 = 0.2;
 const MANY_TIMES: f64 = 5.0;
 /// A motion that fits the camera of all so many times worse than a homography, and by so many pixels, does not fit it.
-const MISFIT: f64 = 3.0;
+const MISFIT: f64 = 4.0;
 const LEAST_MISFIT_PX: f64 = 0.1;
 /// Nearest neighbours looked at of a rejected match; how many of them must be rejected too, and by how many deviations more
 /// than chance gives; fewest rejected matches of a cluster.
@@ -297,7 +297,7 @@ pub fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster
             }
         })
         .collect();
-    found.sort_by(|a, b| b.rejected.cmp(&a.rejected));
+    found.sort_by_key(|c| std::cmp::Reverse(c.rejected));
     found
 }
 
@@ -413,7 +413,7 @@ mod tests {
         assert!((133.0..=149.0).contains(&top) && (197.0..=213.0).contains(&bottom), "{found:?}");
         assert!(found[0].rejected > 30 && found[0].accepted == 0, "{found:?}");
         // One in four, evenly: nothing stands out.
-        assert!(grid(|x, y| ((x + 3.0 * y) as usize / 16) % 4 == 0).is_empty());
+        assert!(grid(|x, y| ((x + 3.0 * y) as usize / 16).is_multiple_of(4)).is_empty());
         assert!(grid(|_, _| false).is_empty() && grid(|_, _| true).is_empty());
     }
 

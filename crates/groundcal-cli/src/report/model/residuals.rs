@@ -36,7 +36,7 @@ pub struct ImageResiduals {
     pub observations: usize,
     /// Root mean square of both coordinates together, pixels.
     pub rms_px: f64,
-    /// The same in standard deviations of a coordinate: 1 as expected.
+    /// The same in standard deviations of a coordinate as all images together show them: 1 is average.
     pub weighted_rms: f64,
     /// Points that count less because their residual is too large.
     pub downweighted: usize,

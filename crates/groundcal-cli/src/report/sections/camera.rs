@@ -63,7 +63,7 @@ fn row(p: &Parameter, c: &Calibration) -> Vec<String> {
             let digits = decimals(sigma);
             format!("{} \u{b1} {}{unit}", fixed(mean, digits), fixed(sigma, digits))
         }),
-        p.from_images.map_or_else(dash, |part| percent(part)),
+        p.from_images.map_or_else(dash, percent),
         p.correlation_with_fx.map_or_else(dash, |r| fixed(r, 2)),
     ]
 }

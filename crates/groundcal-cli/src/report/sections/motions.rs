@@ -23,7 +23,8 @@ const MATCHES: usize = 2500;
 const LANDMARKS: usize = 8;
 /// Width of a drawn image in the drawing's units.
 const WIDTH: f64 = 640.0;
-/// Page pixels to one of an overlay.
+/// Units of the drawing to a pixel of an overlay, and page pixels to one of them.
+const ZOOM: f64 = 1.25;
 const OVERLAY_SCALE: f64 = 1.1;
 /// A horizon this far outside the image, in image heights, is still drawn.
 const OUTSIDE: f64 = 0.4;
@@ -49,8 +50,7 @@ pub fn definitions(pictures: &Pictures) -> String {
 
 pub fn section(model: &Model, c: &Calibration, pictures: &Pictures) -> String {
     let mut out = String::from(
-        "<p class=\"legend\"><svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><path class=\"accepted\" d=\"M7 7h0\"/></svg> accepted, on the \
-         floor <svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><path class=\"rejected\" d=\"M3 3L11 11M3 11L11 3\"/></svg> rejected \
+        "<p class=\"legend\"><svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><path class=\"accepted\" d=\"M7 7h0\"/></svg> accepted <svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><path class=\"rejected\" d=\"M3 3L11 11M3 11L11 3\"/></svg> rejected \
          <svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><path class=\"lost\" d=\"M3 3H11V11H3Z\"/></svg> patch not found again \
          <svg viewBox=\"0 0 24 14\" class=\"wide\" aria-hidden=\"true\"><path class=\"sky\" d=\"M1 7H23\"/></svg> horizon \
          <svg viewBox=\"0 0 24 14\" class=\"wide\" aria-hidden=\"true\"><rect class=\"cluster\" x=\"1\" y=\"1\" width=\"22\" height=\"12\"/></svg> \
@@ -85,10 +85,7 @@ fn motion(index: usize, m: &Motion, c: &Calibration, pictures: &Pictures) -> Str
     if let Some(rho) = m.rho {
         facts.push(format!("height ratio {}", with_sigma(rho, report.rho_sigma)));
     }
-    facts.push(format!(
-        "{} matches on the floor, {} rejected, {} patches not found again",
-        m.accepted, m.rejected, m.lost
-    ));
+    facts.push(format!("{} matches accepted, {} rejected, {} patches not found again", m.accepted, m.rejected, m.lost));
     if let Some(rms) = m.rms_px {
         facts.push(format!("{} px rms about its own homography", fixed(rms, 3)));
     }
@@ -107,10 +104,10 @@ fn motion(index: usize, m: &Motion, c: &Calibration, pictures: &Pictures) -> Str
     );
     if !m.used {
         let reason = m.reason.as_deref().unwrap_or("no reason is known");
-        let _ = write!(out, "<p class=\"note\"><strong>Not used:</strong> {}.</p>\n", escape(reason));
+        let _ = writeln!(out, "<p class=\"note\"><strong>Not used:</strong> {}.</p>", escape(reason));
     }
     if let Some(attention) = &m.attention {
-        let _ = write!(out, "<p class=\"note\"><strong>Does not fit:</strong> {}.</p>\n", escape(attention));
+        let _ = writeln!(out, "<p class=\"note\"><strong>Does not fit:</strong> {}.</p>", escape(attention));
     }
     let p = &c.evidence.pairs[m.pair];
     if !p.matches.is_empty() || !pictures.thumbnails.is_empty() {
@@ -301,7 +298,8 @@ impl FloorFrame {
     fn new(m: &Motion, o: &Overlay) -> Self {
         let [w, h] = o.size.map(|s| s as f64);
         let (left, top) = (58.0, 10.0);
-        let frame = [left, left + w, top, top + h];
+        let (width, height) = (ZOOM * w, ZOOM * h);
+        let frame = [left, left + width, top, top + height];
         // Floor coordinates about the first camera's foot, in its heights.
         let ends = |i: usize, length: f64, sign: f64| {
             [(-0.5 - o.foot_px[i]) * o.unit_per_px * sign, (length - 0.5 - o.foot_px[i]) * o.unit_per_px * sign]
@@ -310,24 +308,24 @@ impl FloorFrame {
         let [far, near] = ends(1, h, -1.0);
         let label = format!("{} and {} laid on the floor", m.from, m.to);
         Self {
-            svg: Svg::new([0.0, 0.0, left + w + 12.0, top + h + 46.0], "plot overlay", &label),
-            x: Scale::new([low, high], [left, left + w]),
-            y: Scale::new([near, far], [top + h, top]),
+            svg: Svg::new([0.0, 0.0, left + width + 12.0, top + height + 46.0], "plot overlay", &label),
+            x: Scale::new([low, high], [left, left + width]),
+            y: Scale::new([near, far], [top + height, top]),
             frame,
         }
     }
 
-    /// The grid and its labels above what was drawn.
-    fn finish(mut self) -> String {
+    /// The grid, its lines of a class, and its labels above what was drawn.
+    fn finish(mut self, grid: &str) -> String {
         let [left, right, top, bottom] = self.frame;
         let (tx, digits) = self.x.ticks(6);
         for t in tx {
-            self.svg.line("metric", [self.x.at(t), top], [self.x.at(t), bottom]);
+            self.svg.line(grid, [self.x.at(t), top], [self.x.at(t), bottom]);
             self.svg.text("tick", [self.x.at(t), bottom + 17.0], Anchor::Middle, &fixed(t, digits));
         }
         let (ty, digits) = self.y.ticks(5);
         for t in ty {
-            self.svg.line("metric", [left, self.y.at(t)], [right, self.y.at(t)]);
+            self.svg.line(grid, [left, self.y.at(t)], [right, self.y.at(t)]);
             self.svg.text("tick", [left - 7.0, self.y.at(t) + 4.0], Anchor::End, &fixed(t, digits));
         }
         self.svg.rect("frame", [left, top], [right - left, bottom - top]);
@@ -351,13 +349,14 @@ fn floor(index: usize, m: &Motion, o: &Overlay, [a, b]: &[Picture; 2], c: &Calib
     let mut clips = String::from("<defs>");
     for which in 0..2 {
         let corners = o.map.outline(&c.evidence, which, c.camera.size());
-        let outline: Vec<[f64; 2]> = corners.iter().map(|[x, y]| [left + x + 0.5, top + y + 0.5]).collect();
+        let outline: Vec<[f64; 2]> =
+            corners.iter().map(|[x, y]| [left + ZOOM * (x + 0.5), top + ZOOM * (y + 0.5)]).collect();
         let _ =
             write!(clips, "<clipPath id=\"clip{index}-{which}\"><path d=\"{}\"/></clipPath>", path_of(&outline, true));
     }
     clips.push_str("</defs>");
     frame.svg.raw(&clips);
-    let [w, h] = o.size;
+    let [w, h] = o.size.map(|s| short(ZOOM * s as f64));
     for (which, picture) in [a, b].into_iter().enumerate() {
         let class = if which == 0 { "under" } else { "over" };
         frame.svg.raw(&format!(
@@ -381,7 +380,7 @@ fn floor(index: usize, m: &Motion, o: &Overlay, [a, b]: &[Picture; 2], c: &Calib
          blink: the floor stays still, whatever jumps stands on it, moved, or does not fit.{fit}",
         m.from
     );
-    figure("whole lay", &format!("{controls}{}", frame.finish()), &caption)
+    figure("whole lay", &format!("{controls}{}", frame.finish("metric")), &caption)
 }
 
 /// Without pictures: the points of both views on the floor, which lie on each other where all fits.
@@ -390,7 +389,7 @@ fn floor_points(m: &Motion, o: &Overlay, c: &Calibration, p: &PairEvidence) -> S
     let [left, right, top, bottom] = frame.frame;
     let place = |pixel: [f64; 2], which: usize| -> Option<[f64; 2]> {
         let q = o.map.on_grid(&c.evidence, which, pixel)?;
-        let at = [left + q[0] + 0.5, top + q[1] + 0.5];
+        let at = [left + ZOOM * (q[0] + 0.5), top + ZOOM * (q[1] + 0.5)];
         (at[0] > left && at[0] < right && at[1] > top && at[1] < bottom).then_some(at)
     };
     for accepted in [true, false] {
@@ -410,5 +409,5 @@ fn floor_points(m: &Motion, o: &Overlay, c: &Calibration, p: &PairEvidence) -> S
          outside its square does not fit.",
         m.from, m.to
     );
-    figure("whole lay", &frame.finish(), &caption)
+    figure("whole lay", &frame.finish("grid"), &caption)
 }

@@ -88,7 +88,7 @@ pub fn section(c: &Calibration, r: &Residuals) -> String {
         })
         .collect();
     out.push_str(&table(
-        "Residuals of each image (deviations: 1 as expected, more where something does not fit)",
+        "Residuals of each image (deviations: as all images together show them; 1 is average, more where something does not fit)",
         &["image", "points", "rms, px", "rms, deviations", "counted less"],
         &rows,
     ));
