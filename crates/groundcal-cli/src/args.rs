@@ -31,7 +31,7 @@ use crate::{
     after_help = "Example:
   groundcal calibrate photos/ --out result/
 
-Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot determine what was asked, 4 unreadable or
+Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot determine what was asked, 4 unreadable or \
 unusable input, 1 anything else."
 )]
 pub struct Cli {
@@ -72,10 +72,10 @@ pub enum Command {
   groundcal calibrate 'shots/*.png' --constraint square --out result/
   groundcal calibrate matches.csv --image-size 1280x960 --constraint zero-skew --json
 
-Take two or more images per camera attitude: turn the camera 15 to 60 degrees (and move it, if you like) over the floor
+Take two or more images per camera attitude: turn the camera 15 to 60 degrees (and move it, if you like) over the floor \
 without tilting it. Then tilt or roll it by 20 degrees or more and repeat.
 
-Pixels: (0,0) is the centre of the top-left pixel. Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot
+Pixels: (0,0) is the centre of the top-left pixel. Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot \
 determine what was asked, 4 unreadable or unusable input, 1 anything else.")]
 pub struct CalibrateArgs {
     /// Folders, image files (JPEG, PNG, TIFF, WebP), glob patterns, or one matches.csv / tracks.csv
@@ -190,7 +190,7 @@ pub struct RenderArgs {
   groundcal simulate noise --out study/            noise.csv, noise.svg, noise.png
   groundcal simulate all --trials 1000 --out study/
 
-The nominal condition: noise 1 px, rotation axis 0.2 m behind the optical centre, turns of 15 degrees, three motions, the
+The nominal condition: noise 1 px, rotation axis 0.2 m behind the optical centre, turns of 15 degrees, three motions, the \
 camera 3 m over the floor, 200 matches a motion (and 20), 1280 x 960 pixels, f about 1000 px.")]
 pub struct SimulateArgs {
     /// What is varied

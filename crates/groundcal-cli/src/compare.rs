@@ -36,11 +36,11 @@ const SIGNIFICANT_P: f64 = 0.0027;
   groundcal compare result/ old/camera_info.yaml sparse/cameras.txt --out comparison/
   groundcal compare result/ camchain.yaml#cam1 --json
 
-Reads calibration.json and truth.json of this program (or the folder they are in), OpenCV YAML and XML, ROS camera_info, Kalibr
-camchain.yaml, COLMAP cameras.txt and nerfstudio transforms.json; the content tells the format. FILE#NAME names one camera of
+Reads calibration.json and truth.json of this program (or the folder they are in), OpenCV YAML and XML, ROS camera_info, Kalibr \
+camchain.yaml, COLMAP cameras.txt and nerfstudio transforms.json; the content tells the format. FILE#NAME names one camera of \
 several. Each camera is compared with the first. One whose images have another size, but the same shape, is scaled to it.
 
-The reprojection difference is what remains when the second camera is turned to fit the first best, as it is for everybody who
+The reprojection difference is what remains when the second camera is turned to fit the first best, as it is for everybody who \
 estimates the camera's pose with it.")]
 pub struct CompareArgs {
     /// Two or more files of cameras; each is compared with the first

@@ -31,8 +31,8 @@ use crate::{
   groundcal rectify result/ photos/ --out floor/                    each view from above
   groundcal rectify result/ photos/ --out floor/ --mosaic --camera-height 1.45 --resolution 500
 
-Beside each picture: a world file (.pgw, .jgw) and a JSON file with the homography from the image to the floor. Lengths
-are in heights of the camera at the first view, in metres with --camera-height (here or in calibrate). Exit codes: 0
+Beside each picture: a world file (.pgw, .jgw) and a JSON file with the homography from the image to the floor. Lengths \
+are in heights of the camera at the first view, in metres with --camera-height (here or in calibrate). Exit codes: 0 \
 pictures, 2 wrong usage, 4 unreadable or unusable input, 1 anything else.")]
 pub struct RectifyArgs {
     /// calibration.json of `groundcal calibrate --out`, or the folder it is in

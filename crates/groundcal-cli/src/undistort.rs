@@ -29,8 +29,8 @@ use crate::{
   groundcal undistort result/ photos/ --out straight/
   groundcal undistort result/ photos/ --out straight/ --fit crop --maps
 
-straight/camera_undistorted.json is the camera of the new images (no distortion). With --maps, map_x.tiff and map_y.tiff
-hold for each pixel of a new image the pixel of the original one, for cv2.remap (docs/formats.md). Exit codes: 0 images, 2
+straight/camera_undistorted.json is the camera of the new images (no distortion). With --maps, map_x.tiff and map_y.tiff \
+hold for each pixel of a new image the pixel of the original one, for cv2.remap (docs/formats.md). Exit codes: 0 images, 2 \
 wrong usage, 4 unreadable or unusable input, 1 anything else.")]
 pub struct UndistortArgs {
     /// calibration.json of `groundcal calibrate --out`, or the folder it is in

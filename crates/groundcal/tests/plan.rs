@@ -315,7 +315,8 @@ fn after_two_motions(name: &str, calibration: Options) -> [f64; 5] {
         .collect();
     let n = outcomes.len() as f64;
     assert!(n >= 0.99 * TRIALS as f64, "{name}: {n} of {TRIALS} trials have a camera");
-    let mean_square = |f: &dyn Fn(&([f64; 5], [f64; 5])) -> f64| outcomes.iter().map(f).sum::<f64>() / n;
+    type Outcome = ([f64; 5], [f64; 5]);
+    let mean_square = |f: &dyn Fn(&Outcome) -> f64| outcomes.iter().map(f).sum::<f64>() / n;
     let ratios: [f64; 5] =
         std::array::from_fn(|i| (mean_square(&|o| o.0[i].powi(2)) / mean_square(&|o| o.1[i].powi(2))).sqrt());
     println!("{name}: achieved over predicted (f, fx, fy, cx, cy) {ratios:.3?}");

@@ -32,8 +32,8 @@ use table::Line;
   groundcal experiment tripod --out experiments/
   groundcal experiment all --quick --out /tmp/experiments
 
-Writes, for each experiment NAME, the pictures with their truth into the folder NAME, a sheet of them (NAME_views.jpg), the
-table (NAME.txt, NAME.csv), and for tripod and pan-head all subsets of motions (NAME_subsets.csv, .svg, .png), for mobile-head
+Writes, for each experiment NAME, the pictures with their truth into the folder NAME, a sheet of them (NAME_views.jpg), the \
+table (NAME.txt, NAME.csv), and for tripod and pan-head all subsets of motions (NAME_subsets.csv, .svg, .png), for mobile-head \
 the draws of given matches (mobile-head_draws.csv), for film the rectified floor (film_floor.png).")]
 pub struct ExperimentArgs {
     /// Which of the paper's experiments

@@ -32,8 +32,8 @@ use crate::{
   groundcal plan --rig robot --tilts-deg 20 --height-m 0.4 --noise-px 0.1
   groundcal plan --after result/calibration.json           what to add to a calibration
 
-The standard deviations are those `groundcal calibrate` would report, to first order, if the pictures show the floor as assumed. They
-scale with the noise where that rules them. Exit codes: 0 a plan, 2 wrong usage, 3 no motion of the rig can tell what is asked,
+The standard deviations are those `groundcal calibrate` would report, to first order, if the pictures show the floor as assumed. They \
+scale with the noise where that rules them. Exit codes: 0 a plan, 2 wrong usage, 3 no motion of the rig can tell what is asked, \
 4 unreadable or unusable input, 1 anything else.")]
 pub struct PlanArgs {
     /// What carries the camera: default values of the options below
