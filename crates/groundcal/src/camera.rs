@@ -133,9 +133,9 @@ pub struct PriorUse {
 }
 
 /// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
-pub(crate) const MAX_LN_SIGMA: f64 = 0.25;
+const MAX_LN_SIGMA: f64 = 0.25;
 /// Standard deviation of the principal point above which it counts as undetermined, in half mean image sides.
-pub(crate) const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
+const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
 /// Probability below which the disagreement of motions is not put down to chance.
 pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 
@@ -391,28 +391,29 @@ pub fn check_certainty(
     groups: usize,
     frame: &Frame,
 ) -> Result<(), Error> {
-    let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
-    let mut parts = Vec::new();
-    let mut report = |value: f64, limit: f64, text: String| {
-        if value.is_nan() || value > limit {
-            parts.push(text);
-        }
-    };
-    report(sigma(0), MAX_LN_SIGMA, format!("focal length to a factor of {:.2} only", (2.0 * sigma(0)).exp()));
-    report(sigma(1), MAX_LN_SIGMA, format!("aspect ratio to a factor of {:.2} only", (2.0 * sigma(1)).exp()));
-    for (i, name) in [(2, "cx"), (3, "cy")] {
-        let text = format!("{name} to +-{:.0} px only", 2.0 * sigma(i) * frame.scale_px);
-        report(sigma(i), MAX_PRINCIPAL_POINT_SIGMA, text);
-    }
-    report(sigma(4), MAX_PRINCIPAL_POINT_SIGMA, format!("skew to +-{:.0} px only", 2.0 * sigma(4) * frame.scale_px));
-    if parts.is_empty() {
-        return Ok(());
-    }
+    let Some(uncertain) = what_is_uncertain(covariance, frame) else { return Ok(()) };
     Err(Error::Undetermined {
         constraint: constraint.name(),
-        direction: format!("{} would give {}", attitudes(groups), parts.join(", ")),
+        direction: format!("{} would give {uncertain}", attitudes(groups)),
         remedy: remedy(constraint),
     })
+}
+
+/// Which of (ln fx, ln fy/fx, cx, cy, skew), frame units, are known too badly to count as determined, in words; `None`: none of them.
+pub(crate) fn what_is_uncertain(covariance: &SMatrix<f64, 5, 5>, frame: &Frame) -> Option<String> {
+    let parts: Vec<String> = (0..5)
+        .filter_map(|i| {
+            let name = ["focal length", "aspect ratio", "cx", "cy", "skew"][i];
+            let sigma = covariance[(i, i)].max(0.0).sqrt();
+            let (limit, text) = if i < 2 {
+                (MAX_LN_SIGMA, format!("{name} to a factor of {:.2} only", (2.0 * sigma).exp()))
+            } else {
+                (MAX_PRINCIPAL_POINT_SIGMA, format!("{name} to +-{:.0} px only", 2.0 * sigma * frame.scale_px))
+            };
+            (sigma.is_nan() || sigma > limit).then_some(text)
+        })
+        .collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
 }
 
 fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptions, frame: &Frame) -> CameraSolution {

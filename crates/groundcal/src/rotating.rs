@@ -24,7 +24,7 @@ use crate::{
         Constraint, MIN_SIGNAL_OVER_NOISE, Parameters, conic_from_entries, intrinsics_from_conic, intrinsics_of,
         parameters_of, signal_over_noise,
     },
-    camera::{DISAGREEMENT_P, MAX_LN_SIGMA, MAX_PRINCIPAL_POINT_SIGMA},
+    camera::{DISAGREEMENT_P, what_is_uncertain},
     error::Error,
     frame::Frame,
     homography::HomographyEstimate,
@@ -372,17 +372,8 @@ fn finish(
             covariance[(i, j)] = reduced[(r, c)];
         }
     }
-    let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
-    let limits =
-        [MAX_LN_SIGMA, MAX_LN_SIGMA, MAX_PRINCIPAL_POINT_SIGMA, MAX_PRINCIPAL_POINT_SIGMA, MAX_PRINCIPAL_POINT_SIGMA];
-    if let Some(i) = (0..5).find(|&i| sigma(i).is_nan() || sigma(i) > limits[i]) {
-        let name = ["focal length", "aspect ratio", "cx", "cy", "skew"][i];
-        let uncertain = if i < 2 {
-            format!("to a factor of {:.2} only", (2.0 * sigma(i)).exp())
-        } else {
-            format!("to +-{:.0} px only", 2.0 * sigma(i) * frame.scale_px)
-        };
-        return Err(undetermined(format!("{} rotations would give {name} {uncertain}", rotations.len())));
+    if let Some(uncertain) = what_is_uncertain(&covariance, frame) {
+        return Err(undetermined(format!("{} rotations would give {uncertain}", rotations.len())));
     }
     let chi_squared: f64 = reports.iter().map(|r| r.chi_squared).sum();
     let degrees_of_freedom = (5 * rotations.len()).saturating_sub(n);

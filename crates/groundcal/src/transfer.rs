@@ -13,7 +13,7 @@ use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector4};
 
 use crate::{
     absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
-    camera::{MAX_LN_SIGMA, MAX_PRINCIPAL_POINT_SIGMA},
+    camera::what_is_uncertain,
     circular_points::{CircularPoint, NoCircularPoint, from_homography},
     error::Error,
     homography::HomographyEstimate,
@@ -97,16 +97,7 @@ pub fn calibrate_transferred(
     let frame = &motion.frame;
     let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&p));
     intrinsics.skew += 0.0;
-    let sigma = |i: usize| covariance[(i, i)].max(0.0).sqrt();
-    let limits =
-        [MAX_LN_SIGMA, MAX_LN_SIGMA, MAX_PRINCIPAL_POINT_SIGMA, MAX_PRINCIPAL_POINT_SIGMA, MAX_PRINCIPAL_POINT_SIGMA];
-    if let Some(i) = (0..5).find(|&i| sigma(i).is_nan() || sigma(i) > limits[i]) {
-        let name = ["focal length", "aspect ratio", "cx", "cy", "skew"][i];
-        let uncertain = if i < 2 {
-            format!("{name} to a factor of {:.2} only", (2.0 * sigma(i)).exp())
-        } else {
-            format!("{name} to +-{:.0} px only", 2.0 * sigma(i) * frame.scale_px)
-        };
+    if let Some(uncertain) = what_is_uncertain(&covariance, frame) {
         return Err(Error::Undetermined {
             constraint: constraint.name(),
             direction: format!("one motion seen from {found} views would give {uncertain}"),

@@ -12,7 +12,7 @@ use groundcal::{
 };
 use rayon::prelude::*;
 
-use super::{number, progress_bar};
+use super::{csv_table, number, optional, progress_bar};
 use crate::{
     error::CliError,
     plot::{Curve, Figure, Marker, Panel, Style},
@@ -57,20 +57,6 @@ fn trials<T: Send>(count: u32, bar: &indicatif::ProgressBar, one: impl Fn(u64) -
             out
         })
         .collect()
-}
-
-fn csv_table(columns: &[&str], records: &[Vec<String>]) -> Result<Vec<u8>, CliError> {
-    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table: {e}"));
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(columns).map_err(|e| fail(&e))?;
-    for record in records {
-        writer.write_record(record).map_err(|e| fail(&e))?;
-    }
-    writer.into_inner().map_err(|e| fail(&e))
-}
-
-fn optional(value: Option<f64>) -> String {
-    value.map_or(String::new(), number)
 }
 
 /// Counts and spread, as the columns of [`SPREAD`].

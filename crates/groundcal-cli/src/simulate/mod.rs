@@ -132,14 +132,11 @@ const COLUMNS: [&str; 24] = [
 
 /// `NAME.csv`: one line a condition and method; empty where a number does not exist, `inf` for a median of failures.
 fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, CliError> {
-    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table: {e}"));
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(COLUMNS).map_err(|e| fail(&e))?;
+    let mut records = Vec::new();
     for row in rows {
         let c = &row.condition;
         for ((name, constraint), s) in methods().zip(&row.summaries) {
             let [lower, median, upper] = s.quartiles_percent.map(number);
-            let optional = |v: Option<f64>| v.map_or(String::new(), number);
             let mut record = vec![
                 study.name().to_string(),
                 number(c.value),
@@ -163,10 +160,25 @@ fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, CliError> {
                 optional(s.rmse_over_bound[1]),
             ];
             record.extend((0..4).map(|i| optional(s.coverage.map(|c| c[i]))));
-            writer.write_record(&record).map_err(|e| fail(&e))?;
+            records.push(record);
         }
     }
+    csv_table(&COLUMNS, &records)
+}
+
+fn csv_table(columns: &[&str], records: &[Vec<String>]) -> Result<Vec<u8>, CliError> {
+    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table: {e}"));
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(columns).map_err(|e| fail(&e))?;
+    for record in records {
+        writer.write_record(record).map_err(|e| fail(&e))?;
+    }
     writer.into_inner().map_err(|e| fail(&e))
+}
+
+/// Empty where there is no number.
+fn optional(value: Option<f64>) -> String {
+    value.map_or(String::new(), number)
 }
 
 /// Six significant digits, no trailing zeros.
