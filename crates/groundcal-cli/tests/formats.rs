@@ -180,7 +180,8 @@ fn formats_are_chosen_by_name() {
     let run = groundcal(&[&base[..], &["--out", &text(out.path()), "--format", "ros,colmap"]].concat());
     assert_eq!(run.code, 0, "{}", run.stderr);
     let names: Vec<String> = files_in(out.path()).into_iter().collect();
-    assert_eq!(names, ["calibration.json", "camera_info.yaml", "cameras.txt", "images.txt", "points3D.txt"]);
+    let expected = ["calibration.json", "camera_info.yaml", "cameras.txt", "images.txt", "points3D.txt", "report.html"];
+    assert_eq!(names, expected);
     // The linear method has no positions: the model loads, without images.
     let images = std::fs::read_to_string(out.path().join("images.txt")).unwrap();
     assert!(images.lines().all(|l| l.starts_with('#')) && images.contains("No poses"), "{images}");
