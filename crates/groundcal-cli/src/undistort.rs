@@ -88,7 +88,7 @@ struct CameraFile {
     format_version: u32,
     pixel_centre: &'static str,
     camera: CameraJson,
-    fit: &'static str,
+    undistort_fit: &'static str,
     distorted_camera: CameraJson,
 }
 
@@ -166,7 +166,7 @@ pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
         format_version: 1,
         pixel_centre: "(0,0) is the centre of the top-left pixel",
         camera: camera(new, Default::default()),
-        fit: match args.fit {
+        undistort_fit: match args.fit {
             FitArg::Same => "same",
             FitArg::All => "all",
             FitArg::Crop => "crop",

@@ -557,7 +557,7 @@ fn the_camera_of_undistorted_images_is_read_back() {
     let (folder, first) = (text(tiled_folder()), text(&out.path().join("first")));
     done(&["undistort", &folder, &folder, "--out", &first, "--fit", "crop", "--format", "jpeg"]);
     let camera = read_json(&out.path().join("first/camera_undistorted.json"));
-    assert_eq!((&camera["camera"]["distortion"]["model"], &camera["fit"]), (&json!("none"), &json!("crop")));
+    assert_eq!((&camera["camera"]["distortion"]["model"], &camera["undistort_fit"]), (&json!("none"), &json!("crop")));
     let fx = camera["camera"]["fx"].as_f64().unwrap();
     assert!(fx > 300.0 && fx < 520.0, "the same camera would show less of a barrel than there is: {fx}");
     assert_eq!(camera["distorted_camera"]["distortion"]["k1"], -0.2);
