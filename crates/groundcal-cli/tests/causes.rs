@@ -62,3 +62,21 @@ fn a_camera_square_to_the_floor_is_told_to_tilt() {
         assert!(constraint != "focal" || !text.contains("--constraint focal"), "advice already taken: {text}");
     }
 }
+
+#[test]
+fn the_rotating_camera_method_knows_its_limits() {
+    let rotating = ["--method", "rotating", "--max-features", "800", "--threads", "1"];
+    // The axis 0.2 m off over a floor 1.3 m away: nearly rotations, with a warning.
+    let path = at("examples/head");
+    let head = groundcal(&[&["calibrate", path.as_str()][..], &rotating].concat());
+    let json = calibrate(&[&[path.as_str()][..], &rotating].concat()).json();
+    assert_eq!((head.code, json["method"].as_str()), (0, Some("rotating")), "{}", head.stderr);
+    assert!(head.stdout.contains("rotating camera") && warnings(&json).contains(&"not_rotations"), "{}", head.stdout);
+    // Its bars are wider than the method's noise, and it is wrong by more than a per cent.
+    let (fx, sigma) = (number(&json, "/camera/fx"), number(&json, "/standard_deviation/fx"));
+    assert!((fx - 668.0).abs() > 6.68 && sigma > 1.0, "{fx} +- {sigma}");
+    // A tripod carried over the floor: no rotation at all.
+    let tripod = at("examples/tripod");
+    refused(&[&[tripod.as_str()][..], &rotating].concat(), 3, &["moved", "joint"]);
+    refused(&[&[tripod.as_str(), "--height-sigma", "0"][..], &rotating].concat(), 2, &["floor"]);
+}

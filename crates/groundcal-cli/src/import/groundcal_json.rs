@@ -8,7 +8,7 @@ use groundcal::{
 use nalgebra::Vector3;
 use serde::Deserialize;
 
-use super::{ImportedCamera, PARAMETERS};
+use super::{FOCAL_LENGTHS_PX, ImportedCamera, PARAMETERS};
 use crate::error::CliError;
 
 /// The version of the format that is read.
@@ -222,10 +222,10 @@ impl Calibration {
         if !(2..=100_000).contains(&width) || !(2..=100_000).contains(&height) {
             return Err(format!("camera.image_size is {width} x {height}: both must lie between 2 and 100000"));
         }
-        // JSON has no infinities, but 1e999 becomes one.
+        // NaN is in no range.
         for (name, value) in [("fx", c.fx), ("fy", c.fy)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(format!("camera.{name} is {value}: it must be positive"));
+            if !FOCAL_LENGTHS_PX.contains(&value) {
+                return Err(format!("camera.{name} is {value:e}: it must be positive, and 1e7 px at most"));
             }
         }
         let lens = c.lens();

@@ -21,6 +21,8 @@ pub const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
 /// What is read, for messages.
 const READ: &str = "calibration.json and truth.json of this program, OpenCV (YAML or XML), ROS camera_info, Kalibr camchain, \
                     COLMAP cameras.txt and transforms.json are read";
+/// Focal lengths that a camera can have: the longest telescope on the finest pixels stays below.
+const FOCAL_LENGTHS_PX: std::ops::RangeInclusive<f64> = 1e-3..=1e7;
 /// A calibration is a small file; a model with this many bytes is something else.
 const MAX_BYTES: u64 = 64 << 20;
 
@@ -53,8 +55,8 @@ impl ImportedCamera {
     ) -> Result<Self, String> {
         let k = &intrinsics;
         for (name, value) in [("fx", k.fx), ("fy", k.fy)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(format!("the focal length {name} is {value}: it must be positive"));
+            if !FOCAL_LENGTHS_PX.contains(&value) {
+                return Err(format!("the focal length {name} is {value:e}: it must be positive, and 1e7 px at most"));
             }
         }
         let d = &distortion;
