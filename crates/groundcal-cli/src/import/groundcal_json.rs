@@ -225,7 +225,7 @@ impl Calibration {
         // NaN is in no range.
         for (name, value) in [("fx", c.fx), ("fy", c.fy)] {
             if !FOCAL_LENGTHS_PX.contains(&value) {
-                return Err(format!("camera.{name} is {value:e}: it must be positive, and 1e7 px at most"));
+                return Err(format!("camera.{name} is {value:?}: it must be positive, and 1e7 px at most"));
             }
         }
         let lens = c.lens();

@@ -56,7 +56,7 @@ impl ImportedCamera {
         let k = &intrinsics;
         for (name, value) in [("fx", k.fx), ("fy", k.fy)] {
             if !FOCAL_LENGTHS_PX.contains(&value) {
-                return Err(format!("the focal length {name} is {value:e}: it must be positive, and 1e7 px at most"));
+                return Err(format!("the focal length {name} is {value:?}: it must be positive, and 1e7 px at most"));
             }
         }
         let d = &distortion;
