@@ -4,22 +4,25 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use groundcal::{
-    absolute_conic::Constraint,
     calibrate::{LensModel, Method},
-    camera::{GivenPrior, PriorParameter},
-    image::ImageSize,
-    synthetic::study::Study,
+    geometry::size::ImageSize,
+    start::{
+        absolute_conic::Constraint,
+        linear_camera::{GivenPrior, PriorParameter},
+    },
 };
+use groundcal_lab::studies::figure4::Study;
 
 use crate::{
     compare::CompareArgs,
     experiment::ExperimentArgs,
-    export::formats::Format,
     man::{CompletionsArgs, ManArgs},
     plan::PlanArgs,
     rectify::RectifyArgs,
     undistort::UndistortArgs,
 };
+use groundcal_io::export::formats::Format;
+use groundcal_io::pictures::PictureFormat;
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.
 #[derive(Debug, Parser)]
@@ -152,7 +155,7 @@ pub struct CalibrateArgs {
 
     /// Formats written into --out beside calibration.json, separated by commas [default: all]
     #[arg(long, value_name = "NAME", value_enum, value_delimiter = ',', requires = "out")]
-    pub format: Vec<Format>,
+    pub format: Vec<FormatArg>,
 
     /// Leave out report.html, the page that shows the calibration
     #[arg(long, requires = "out")]
@@ -369,4 +372,52 @@ pub fn parse_size(text: &str) -> Result<ImageSize, String> {
     let side = |s: &str| s.trim().parse::<usize>().ok().filter(|v| (2..=100_000).contains(v));
     let wrong = "width and height must be whole numbers from 2 to 100000";
     Ok(ImageSize::new(side(w).ok_or(wrong)?, side(h).ok_or(wrong)?))
+}
+
+/// [`Format`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FormatArg {
+    /// camera_opencv.yaml: OpenCV's FileStorage
+    Opencv,
+    /// camera_info.yaml: ROS camera_info
+    Ros,
+    /// camchain.yaml: Kalibr
+    Kalibr,
+    /// cameras.txt, images.txt, points3D.txt: COLMAP
+    Colmap,
+    /// transforms.json: nerfstudio and its relatives
+    Nerfstudio,
+    /// camera_matlab.csv: the numbers as MATLAB counts pixels
+    Matlab,
+}
+
+impl From<FormatArg> for Format {
+    fn from(value: FormatArg) -> Self {
+        match value {
+            FormatArg::Opencv => Format::Opencv,
+            FormatArg::Ros => Format::Ros,
+            FormatArg::Kalibr => Format::Kalibr,
+            FormatArg::Colmap => Format::Colmap,
+            FormatArg::Nerfstudio => Format::Nerfstudio,
+            FormatArg::Matlab => Format::Matlab,
+        }
+    }
+}
+
+/// [`PictureFormat`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum PictureFormatArg {
+    /// PNG, transparent where nothing was seen
+    Png,
+    /// JPEG, white where nothing was seen
+    Jpeg,
+}
+
+impl From<PictureFormatArg> for PictureFormat {
+    fn from(value: PictureFormatArg) -> Self {
+        match value {
+            PictureFormatArg::Png => PictureFormat::Png,
+            PictureFormatArg::Jpeg => PictureFormat::Jpeg,
+        }
+    }
 }

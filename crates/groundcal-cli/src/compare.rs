@@ -6,22 +6,22 @@ use std::{
 };
 
 use clap::Args;
-use groundcal::{
+use groundcal::geometry::{
     camera_difference::{CameraDifference, camera_difference, significance},
     camera_model::CameraModel,
-    image::ImageSize,
+    size::ImageSize,
 };
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use crate::{
-    error::CliError,
+use crate::error::CliError;
+use groundcal_io::{
     export::write_whole,
     import::{self, ImportedCamera, PARAMETERS},
-    plot::{
-        field::{Field, short},
-        png, svg,
-    },
+};
+use groundcal_report::plot::{
+    field::{Field, short},
+    png, svg,
 };
 
 /// Pixels of the PNG for one of the canvas.
@@ -124,7 +124,7 @@ struct Camera {
 
 /// Runs the command; returns what goes to standard output.
 pub fn run(args: &CompareArgs) -> Result<String, CliError> {
-    let cameras = args.files.iter().map(|f| import::read(f)).collect::<Result<Vec<ImportedCamera>, CliError>>()?;
+    let cameras = args.files.iter().map(|f| import::read(f)).collect::<Result<Vec<ImportedCamera>, _>>()?;
     let known = cameras.iter().find_map(|c| c.size).ok_or_else(|| {
         CliError::Input(format!(
             "{}: none of the files says the size of the images. Add image_width and image_height to one",
@@ -195,7 +195,7 @@ fn write_files(out: &Path, json: &str, pictures: &[Field]) -> Result<(), CliErro
         write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
         write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
     }
-    write_whole(&out.join("comparison.json"), json.as_bytes())
+    Ok(write_whole(&out.join("comparison.json"), json.as_bytes())?)
 }
 
 /// The camera at the reference's image size, and the size it had.
@@ -415,10 +415,10 @@ fn summary(w: &mut String, all: &Comparisons) -> std::fmt::Result {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::{distortion::Distortion, intrinsics::Intrinsics};
+    use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
 
     use super::*;
-    use crate::plot::{Item, letters};
+    use groundcal_report::plot::{Item, letters};
 
     fn camera(width: usize, height: usize) -> Camera {
         let model = CameraModel {
@@ -472,9 +472,9 @@ mod tests {
             let length = letters::write(&text).1 * size / letters::EM;
             let middle = if upwards { at[1] } else { at[0] };
             let start = match anchor {
-                crate::plot::Anchor::Start => middle,
-                crate::plot::Anchor::Middle => middle - 0.5 * length,
-                crate::plot::Anchor::End => middle - length,
+                groundcal_report::plot::Anchor::Start => middle,
+                groundcal_report::plot::Anchor::Middle => middle - 0.5 * length,
+                groundcal_report::plot::Anchor::End => middle - length,
             };
             assert!(start >= 0.0 && start + length <= if upwards { canvas.height } else { canvas.width }, "{text}");
             texts += 1;

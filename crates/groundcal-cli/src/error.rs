@@ -41,3 +41,21 @@ impl From<groundcal::error::Error> for CliError {
         CliError::Calibration(error)
     }
 }
+
+impl From<groundcal_io::error::IoError> for CliError {
+    fn from(error: groundcal_io::error::IoError) -> Self {
+        use groundcal_io::error::IoError;
+        match error {
+            IoError::Usage(text) => CliError::Usage(text),
+            IoError::Input(text) => CliError::Input(text),
+            IoError::Calibration(error) => CliError::Calibration(error),
+            other => CliError::Other(other.to_string()),
+        }
+    }
+}
+
+impl From<groundcal_report::error::ReportError> for CliError {
+    fn from(error: groundcal_report::error::ReportError) -> Self {
+        CliError::Other(error.to_string())
+    }
+}

@@ -4,17 +4,10 @@ mod args;
 mod compare;
 mod error;
 mod experiment;
-mod export;
-mod import;
-mod load;
 mod man;
-mod pictures;
 mod plan;
-mod plot;
 mod progress;
 mod rectify;
-mod render_scene;
-mod report;
 mod simulate;
 mod undistort;
 
@@ -29,20 +22,25 @@ use args::{CalibrateArgs, Cli, Command, SimulateArgs};
 use clap::Parser;
 use compare::CompareArgs;
 use error::CliError;
-use export::formats::Format;
 use groundcal::{
     calibrate::{Options, calibrate_images, calibrate_matches},
-    distortion::Distortion,
-    image::GrayImage,
+    geometry::distortion::Distortion,
     result::{Calibration, Warning},
+    vision::image::GrayImage,
 };
+use groundcal_io::{
+    export::{self, formats::Format},
+    load,
+};
+use groundcal_lab::render_scene;
+use groundcal_report::{html, text};
 use progress::Progress;
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Calibrate(args) => calibrate(&args),
         Command::Plan(args) => plan::run(&args).and_then(|page| print(&page)),
-        Command::Render(args) => refuse_file(&args.out).and_then(|()| render_scene::run(&args.scene, &args.out)),
+        Command::Render(args) => refuse_file(&args.out).and_then(|()| Ok(render_scene::run(&args.scene, &args.out)?)),
         Command::Simulate(args) => simulate(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Rectify(args) => pictures_of(&args.out, args.threads, || rectify::run(&args)),
@@ -134,14 +132,14 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     }
     if let Some(out) = &args.out {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(report::html(&calibration, &images)?) };
-        for note in write_results(out, &calibration, &args.format, page.as_deref())? {
+        let page = if args.no_report { None } else { Some(html::html(&calibration, &images)?) };
+        let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
+        for note in write_results(out, &calibration, &formats, page.as_deref())? {
             let _ = writeln!(std::io::stderr(), "note: {note}");
         }
         times.push(("writing", start.elapsed()));
     }
-    let page =
-        if args.json { export::json(&calibration)? } else { export::text::summary(&calibration, count, args.verbose) };
+    let page = if args.json { export::json(&calibration)? } else { text::summary(&calibration, count, args.verbose) };
     print(&page)?;
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();

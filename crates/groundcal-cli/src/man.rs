@@ -7,7 +7,8 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 use roff::{Roff, roman};
 
-use crate::{args::Cli, error::CliError, export::write_whole};
+use crate::{args::Cli, error::CliError};
+use groundcal_io::export::write_whole;
 
 /// `groundcal man`.
 #[derive(Debug, Args)]

@@ -5,19 +5,21 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use crate::args::PictureFormatArg;
 use clap::{Args, ValueEnum};
 use groundcal::{
-    floor::{FloorGrid, FloorView},
-    image::ImageSize,
-    rectify::{Mosaic, rectify, source_resolution},
-    resample::{Pyramid, Resampled},
+    floor::{
+        rectify::{Mosaic, rectify, source_resolution},
+        view::{FloorGrid, FloorView},
+    },
+    geometry::size::ImageSize,
+    vision::resample::{Pyramid, Resampled},
 };
 use nalgebra::{Matrix3, Vector2};
 use serde::Serialize;
 
-use crate::{
-    args::parse_height,
-    error::CliError,
+use crate::{args::parse_height, error::CliError};
+use groundcal_io::{
     export::write_whole,
     import::groundcal_json::{Calibration, Placed},
     load,
@@ -71,8 +73,8 @@ pub struct RectifyArgs {
     pub up: Option<Up>,
 
     /// Kind of picture
-    #[arg(long, value_enum, default_value_t = PictureFormat::Png)]
-    pub format: PictureFormat,
+    #[arg(long, value_enum, default_value_t = PictureFormatArg::Png)]
+    pub format: PictureFormatArg,
 
     /// Threads [default: all processors]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -445,7 +447,7 @@ impl Work<'_> {
         resampled: &Resampled,
         text: &mut String,
     ) -> Result<(), CliError> {
-        let format = self.args.format;
+        let format = PictureFormat::from(self.args.format);
         let path = self.args.out.join(format!("{name}.{}", format.extension()));
         let bytes = pictures::encode(resampled, format, &path)?;
         let sidecar = self.sidecar(&path, grid, set);

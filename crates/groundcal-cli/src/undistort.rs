@@ -6,17 +6,18 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use crate::args::PictureFormatArg;
 use clap::{Args, ValueEnum};
 use groundcal::{
-    image::ImageSize,
-    resample::{Pyramid, resample},
-    undistort::{Fit, Undistortion},
+    floor::undistort::{Fit, Undistortion},
+    geometry::size::ImageSize,
+    vision::resample::{Pyramid, resample},
 };
 use serde::Serialize;
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 
-use crate::{
-    error::CliError,
+use crate::error::CliError;
+use groundcal_io::{
     export::write_whole,
     import::groundcal_json::Calibration,
     pictures::{self, PictureFormat},
@@ -53,8 +54,8 @@ pub struct UndistortArgs {
     pub maps: bool,
 
     /// Kind of picture
-    #[arg(long, value_enum, default_value_t = PictureFormat::Png)]
-    pub format: PictureFormat,
+    #[arg(long, value_enum, default_value_t = PictureFormatArg::Png)]
+    pub format: PictureFormatArg,
 
     /// Threads [default: all processors]; the result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -127,7 +128,7 @@ pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
     let files = if args.inputs.is_empty() { Vec::new() } else { pictures::files(&args.inputs)? };
     let names = pictures::stems(&files);
     let targets: Vec<PathBuf> =
-        names.iter().map(|n| args.out.join(format!("{n}.{}", args.format.extension()))).collect();
+        names.iter().map(|n| args.out.join(format!("{n}.{}", PictureFormat::from(args.format).extension()))).collect();
     // Images that cannot be used, and results that would overwrite them, are refused before anything is written.
     for file in &files {
         pictures::read(file, size)?;
@@ -147,21 +148,22 @@ pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
 
     let mut text = String::new();
     let new = undistortion.intrinsics();
-    let camera = |k: &groundcal::intrinsics::Intrinsics, d: groundcal::distortion::Distortion| CameraJson {
-        image_size: [size.width, size.height],
-        fx: k.fx,
-        fy: k.fy,
-        cx: k.cx,
-        cy: k.cy,
-        skew: k.skew,
-        distortion: LensJson {
-            model: if d.is_none() { "none" } else { "radtan" },
-            k1: d.k1,
-            k2: d.k2,
-            p1: d.p1,
-            p2: d.p2,
-        },
-    };
+    let camera =
+        |k: &groundcal::geometry::intrinsics::Intrinsics, d: groundcal::geometry::distortion::Distortion| CameraJson {
+            image_size: [size.width, size.height],
+            fx: k.fx,
+            fy: k.fy,
+            cx: k.cx,
+            cy: k.cy,
+            skew: k.skew,
+            distortion: LensJson {
+                model: if d.is_none() { "none" } else { "radtan" },
+                k1: d.k1,
+                k2: d.k2,
+                p1: d.p1,
+                p2: d.p2,
+            },
+        };
     let file = CameraFile {
         format_version: 1,
         pixel_centre: "(0,0) is the centre of the top-left pixel",
@@ -196,7 +198,7 @@ pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
     for (file, target) in files.iter().zip(&targets) {
         let picture = Pyramid::new(pictures::read(file, size)?);
         let out = resample(&picture, size, |p| undistortion.source_pixel(p));
-        write_whole(target, &pictures::encode(&out, args.format, target)?)?;
+        write_whole(target, &pictures::encode(&out, args.format.into(), target)?)?;
         let _ = writeln!(text, "{}", target.display());
     }
     Ok((text, notes))

@@ -12,8 +12,8 @@ use std::{
 };
 
 use common::*;
-use groundcal::synthetic::{
-    points::{MotionSpec, PointScene},
+use groundcal::synthetic::points::{MotionSpec, PointScene};
+use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},
     scene::{Camera, Group, Scene, View},
 };

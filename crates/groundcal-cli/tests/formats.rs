@@ -12,9 +12,7 @@ use std::{
 
 use common::*;
 use groundcal::{
-    attitude::rotation_cam_from_world,
-    distortion::Distortion,
-    intrinsics::Intrinsics,
+    geometry::{attitude::rotation_cam_from_world, distortion::Distortion, intrinsics::Intrinsics},
     synthetic::points::{MotionSpec, PointScene},
 };
 use nalgebra::{Vector2, Vector3};

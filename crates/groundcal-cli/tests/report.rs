@@ -8,8 +8,8 @@ mod common;
 use std::{path::Path, process::Command, sync::OnceLock};
 
 use common::*;
-use groundcal::synthetic::{
-    points::PointScene,
+use groundcal::synthetic::points::PointScene;
+use groundcal_lab::renderer::{
     render::Renderer,
     scene::{Boxes, Camera, FloorBox, Group, Scene, View},
 };

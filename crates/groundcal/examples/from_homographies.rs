@@ -4,10 +4,10 @@
 //! normal to the plane (and moved, if it liked) in between.
 
 use groundcal::{
-    absolute_conic::Constraint,
     calibrate::{Options, calibrate_homographies},
-    frame::Frame,
-    homography::{HomographyCovariance, HomographyEstimate},
+    geometry::{frame::Frame, homography::HomographyCovariance},
+    pairs::refine::HomographyEstimate,
+    start::absolute_conic::Constraint,
     synthetic::points::PointScene,
 };
 

@@ -4,7 +4,8 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
-    image::{GrayImage, ImageSize},
+    geometry::size::ImageSize,
+    vision::image::GrayImage,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

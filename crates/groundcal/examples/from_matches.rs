@@ -4,7 +4,7 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    correspondence::ImagePair,
+    pairs::correspondence::ImagePair,
     synthetic::points::PointScene,
 };
 

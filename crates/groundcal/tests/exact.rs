@@ -3,12 +3,11 @@
 #![allow(clippy::expect_used)] // a test may end in a panic
 
 use groundcal::{
-    absolute_conic::Constraint,
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    correspondence::{ImagePair, PointMatch},
-    image::ImageSize,
-    intrinsics::Intrinsics,
+    geometry::{intrinsics::Intrinsics, size::ImageSize},
+    pairs::correspondence::{ImagePair, PointMatch},
     result::Camera,
+    start::absolute_conic::Constraint,
     synthetic::points::{MotionSpec, PointScene},
 };
 

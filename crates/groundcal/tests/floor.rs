@@ -4,9 +4,9 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    correspondence::ImagePair,
-    distortion::Distortion,
-    floor::FloorView,
+    floor::view::FloorView,
+    geometry::distortion::Distortion,
+    pairs::correspondence::ImagePair,
     result::Calibration,
     synthetic::points::PointScene,
 };
@@ -50,7 +50,7 @@ fn poses_horizons_and_distances_are_within_their_error_bars() {
                 errors.push((2, (position[1] - shift.y) / sigma[1]));
 
                 let attitude = &c.attitudes[second.attitude.expect("an attitude")];
-                let up = groundcal::attitude::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
+                let up = groundcal::geometry::attitude::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
                 let line = scene.intrinsics.inverse_matrix().transpose() * up;
                 let line = line / line.xy().norm();
                 let [a, b, offset] = attitude.horizon_px.expect("finite");

@@ -3,10 +3,13 @@
 #![allow(clippy::expect_used)] // a test may end in a panic
 
 use groundcal::{
-    correspondence::PointMatch,
-    frame::Frame,
-    homography::{Homography, RobustOptions, estimate_robust, refine::RefineOptions, refine::refine},
-    statistics::median,
+    geometry::{frame::Frame, homography::Homography},
+    numerics::statistics::median,
+    pairs::{
+        correspondence::PointMatch,
+        refine::{RefineOptions, refine},
+        robust::{RobustOptions, estimate_robust},
+    },
     synthetic::points::{PointScene, SyntheticPair},
 };
 use nalgebra::Vector2;

@@ -4,17 +4,19 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use groundcal::{
-    absolute_conic::Constraint,
-    attitude::{angles_from_rotation, attitude_rotation, yaw_rotation},
     calibrate::{Options, Silent, calibrate_matches},
-    correspondence::{ImagePair, PointMatch},
-    distortion::Distortion,
     error::Error,
-    image::ImageSize,
-    intrinsics::Intrinsics,
+    geometry::{
+        attitude::{angles_from_rotation, attitude_rotation, yaw_rotation},
+        distortion::Distortion,
+        intrinsics::Intrinsics,
+        plane_view::View,
+        size::ImageSize,
+    },
+    pairs::correspondence::{ImagePair, PointMatch},
     plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start},
-    plane_view::View,
     result::{Calibration, Warning},
+    start::absolute_conic::Constraint,
     synthetic::points::{MotionSpec, PointScene},
 };
 use nalgebra::{Rotation3, Vector3};

@@ -3,19 +3,20 @@
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
 use groundcal::{
-    absolute_conic::Constraint,
-    attitude::{attitude_rotation, rotation_cam_from_world},
-    bundle::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
-    camera::parameters_in_frame,
-    correspondence::ImagePair,
-    distortion::Distortion,
     error::Error,
-    frame::Frame,
-    image::ImageSize,
-    intrinsics::Intrinsics,
-    levenberg_marquardt::LmOptions,
+    geometry::{
+        attitude::{attitude_rotation, rotation_cam_from_world},
+        distortion::Distortion,
+        frame::Frame,
+        intrinsics::Intrinsics,
+        size::ImageSize,
+    },
+    numerics::levenberg_marquardt::LmOptions,
+    pairs::correspondence::ImagePair,
+    refine::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
     result::Calibration,
+    start::{absolute_conic::Constraint, linear_camera::parameters_in_frame},
     synthetic::{
         bound::{HeightModel, cramer_rao_bound},
         points::{MotionSpec, PointScene, turning_pairs},

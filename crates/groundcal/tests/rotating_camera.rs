@@ -3,14 +3,12 @@
 #![allow(clippy::expect_used)] // a test may end in a panic
 
 use groundcal::{
-    absolute_conic::Constraint,
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
-    correspondence::ImagePair,
-    distortion::Distortion,
     error::Error,
-    image::ImageSize,
-    intrinsics::Intrinsics,
+    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    pairs::correspondence::ImagePair,
     result::Calibration,
+    start::absolute_conic::Constraint,
     synthetic::points::{MotionSpec, PointScene, turning_pairs},
 };
 use nalgebra::{Matrix3, Rotation3, Vector3};

@@ -4,10 +4,12 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    correspondence::{ImagePair, PointMatch},
-    image::ImageSize,
-    intrinsics::Intrinsics,
-    plane_view::{View, project},
+    geometry::{
+        intrinsics::Intrinsics,
+        plane_view::{View, project},
+        size::ImageSize,
+    },
+    pairs::correspondence::{ImagePair, PointMatch},
 };
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};

@@ -6,12 +6,16 @@
 use std::path::{Path, PathBuf};
 
 use groundcal::{
-    correspondence::PointMatch,
-    features::{FeatureOptions, MatchOptions, detect, match_features},
-    frame::Frame,
-    homography::{RobustHomography, RobustOptions, estimate_robust},
-    image::{GrayImage, ImageSize},
-    least_squares_matching::{PatchOptions, match_patches, template_grid},
+    geometry::{frame::Frame, size::ImageSize},
+    pairs::{
+        correspondence::PointMatch,
+        robust::{RobustHomography, RobustOptions, estimate_robust},
+    },
+    vision::{
+        features::{FeatureOptions, MatchOptions, detect, match_features},
+        image::GrayImage,
+        patches::{PatchOptions, match_patches, template_grid},
+    },
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
 

@@ -3,9 +3,9 @@
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
 use groundcal::{
-    absolute_conic::Constraint,
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    correspondence::ImagePair,
+    pairs::correspondence::ImagePair,
+    start::absolute_conic::Constraint,
     synthetic::{
         bound::{HeightModel, cramer_rao_bound},
         points::PointScene,

@@ -1,6 +1,6 @@
 //! All pictures of a scene on one sheet.
 
-use groundcal::synthetic::render::RgbImage8;
+use groundcal_lab::renderer::render::RgbImage8;
 use image::{ImageEncoder, RgbImage, codecs::jpeg::JpegEncoder, imageops};
 
 use crate::error::CliError;

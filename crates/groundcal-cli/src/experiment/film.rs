@@ -4,22 +4,26 @@
 use std::fmt::Write;
 
 use groundcal::{
-    absolute_conic::Constraint,
     error::Error,
-    floor::{FloorGrid, FloorView},
-    image::{GrayImage, ImageSize},
-    plane_view::View,
-    resample::{Pyramid, Raster, resample},
+    floor::view::{FloorGrid, FloorView},
+    geometry::{plane_view::View, size::ImageSize},
     result::Calibration,
-    synthetic::{render::RgbImage8, scene::FloorBox},
+    start::absolute_conic::Constraint,
+    vision::{
+        image::GrayImage,
+        resample::{Pyramid, Raster, resample},
+    },
 };
+use groundcal_lab::renderer::{render::RgbImage8, scene::FloorBox};
 use nalgebra::{Vector2, Vector3};
 
-use super::{
+use crate::error::CliError;
+use crate::experiment::{
     Setup, accept, methods, motions,
     paths::{EdgeLine, edge_line, largest_angle_deg},
 };
-use crate::{error::CliError, export::write_whole, render_scene::encode};
+use groundcal_io::export::write_whole;
+use groundcal_lab::render_scene::encode;
 
 const PAIRS: [(usize, usize); 1] = [(0, 1)];
 /// How far the floor is rectified, in heights of the camera, and the side of its pixels at full size.

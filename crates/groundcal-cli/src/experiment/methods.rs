@@ -6,20 +6,26 @@
 //! - *groundcal*: the program's own, from the pictures or the matches.
 
 use groundcal::{
-    absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
-    attitude_groups::{Motion, Sides},
     calibrate::{Options, Silent, calibrate_matched_images},
-    circular_points::{CircularPoint, from_homography},
-    correspondence::ImagePair,
     error::Error,
-    features::{detect, match_features},
-    frame::Frame,
-    homography::{HomographyEstimate, estimate_robust},
-    image::GrayImage,
-    intrinsics::Intrinsics,
-    linalg::ComplexPoint,
+    geometry::{frame::Frame, intrinsics::Intrinsics},
+    numerics::linalg::ComplexPoint,
+    pairs::{
+        circular_points::{CircularPoint, from_homography},
+        correspondence::ImagePair,
+        refine::HomographyEstimate,
+        robust::estimate_robust,
+    },
     result::Calibration,
-    rotating::{RotatingOptions, Weighting, calibrate_rotating},
+    select::attitude_groups::{Motion, Sides},
+    start::{
+        absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
+        rotating_camera::{RotatingOptions, Weighting, calibrate_rotating},
+    },
+    vision::{
+        features::{detect, match_features},
+        image::GrayImage,
+    },
 };
 use nalgebra::{Matrix4, SMatrix, Vector4};
 use rayon::prelude::*;

@@ -4,22 +4,23 @@
 use std::fmt::Write;
 
 use groundcal::{
-    absolute_conic::Constraint,
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    correspondence::ImagePair,
     error::Error,
-    frame::Frame,
-    synthetic::floor_matches::floor_matches,
+    geometry::frame::Frame,
+    pairs::correspondence::ImagePair,
+    start::absolute_conic::Constraint,
 };
+use groundcal_lab::renderer::floor_matches::floor_matches;
 use rayon::prelude::*;
 
-use super::{
+use crate::error::CliError;
+use crate::experiment::{
     Setup, accept,
     methods::{self, Scores},
     motions,
     table::{Line, number},
 };
-use crate::{error::CliError, export::write_whole};
+use groundcal_io::export::write_whole;
 
 /// Motions with a turn among the six views: neighbours in the pan before and after driving, and two across the drive.
 const PAIRS: [(usize, usize); 6] = [(0, 1), (1, 2), (3, 4), (4, 5), (1, 3), (1, 5)];

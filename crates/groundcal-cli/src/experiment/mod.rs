@@ -17,12 +17,20 @@ use std::{
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    absolute_conic::Constraint, calibrate::Options, correspondence::ImagePair, error::Error, frame::Frame,
-    image::GrayImage, intrinsics::Intrinsics, result::Calibration, synthetic::scene::Scene,
+    calibrate::Options,
+    error::Error,
+    geometry::{frame::Frame, intrinsics::Intrinsics},
+    pairs::correspondence::ImagePair,
+    result::Calibration,
+    start::absolute_conic::Constraint,
+    vision::image::GrayImage,
 };
+use groundcal_lab::renderer::scene::Scene;
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::{error::CliError, export::write_whole, load, render_scene::write_pictures};
+use crate::error::CliError;
+use groundcal_io::{export::write_whole, load};
+use groundcal_lab::render_scene::write_pictures;
 use methods::{Measured, Scores};
 use table::Line;
 

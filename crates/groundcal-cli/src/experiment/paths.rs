@@ -5,7 +5,7 @@
 //! line:                              total least squares; points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{image::GrayImage, statistics::median};
+use groundcal::{numerics::statistics::median, vision::image::GrayImage};
 use nalgebra::{Matrix2, Vector2};
 
 /// How far an edge is looked for on either side of where it is expected, and the step, pixels.
@@ -103,7 +103,7 @@ pub fn largest_angle_deg(lines: &[EdgeLine]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::image::ImageSize;
+    use groundcal::geometry::size::ImageSize;
 
     /// A bright band across a grey picture, its two edges 2 degrees from parallel.
     #[test]

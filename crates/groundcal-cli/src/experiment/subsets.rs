@@ -4,19 +4,16 @@
 use std::{fmt::Write, path::Path};
 
 use groundcal::{
-    absolute_conic::Constraint,
-    camera::CameraOptions,
-    intrinsics::Intrinsics,
-    statistics::spearman,
-    subsets::{Subset, rank_subsets},
+    geometry::intrinsics::Intrinsics,
+    numerics::statistics::spearman,
+    start::{absolute_conic::Constraint, linear_camera::CameraOptions},
 };
+use groundcal_lab::subsets::{Subset, rank_subsets};
 
-use super::{methods::Measured, table::number};
-use crate::{
-    error::CliError,
-    export::write_whole,
-    plot::{Curve, Figure, Marker, Panel, Style, png, svg},
-};
+use crate::error::CliError;
+use crate::experiment::{methods::Measured, table::number};
+use groundcal_io::export::write_whole;
+use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
 
 /// A constraint and the number of motions it needs at least.
 pub type Minimal = (Constraint, usize);

@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 
-use groundcal::{absolute_conic::Constraint, error::Error};
+use groundcal::{error::Error, start::absolute_conic::Constraint};
 
-use super::methods::{Score, Scores};
 use crate::error::CliError;
+use crate::experiment::methods::{Score, Scores};
 
 /// What one method made of one set of motions.
 pub struct Line {

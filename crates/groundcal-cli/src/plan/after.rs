@@ -3,18 +3,18 @@
 use std::path::Path;
 
 use groundcal::{
-    absolute_conic::Constraint,
     calibrate::{LensModel, Options},
-    camera::{GivenPrior, PriorParameter},
     error::Error,
     plan::{MIN_MATCHES, PlanOptions, Planner, Start},
+    start::{
+        absolute_conic::Constraint,
+        linear_camera::{GivenPrior, PriorParameter},
+    },
 };
 
-use super::{PlanArgs, RigReport};
-use crate::{
-    error::CliError,
-    import::groundcal_json::{Calibration, Motion, Prior},
-};
+use crate::error::CliError;
+use crate::plan::{PlanArgs, RigReport};
+use groundcal_io::import::groundcal_json::{Calibration, Motion, Prior};
 
 /// The names of the covariance's rows, in order.
 const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];

@@ -8,21 +8,19 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use groundcal::{
     calibrate::Options,
-    camera::GivenPrior,
-    distortion::Distortion,
-    image::ImageSize,
-    intrinsics::Intrinsics,
+    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
     plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start},
     result::{Prior, WarningReport},
+    start::linear_camera::GivenPrior,
 };
 use serde::Serialize;
 
 use crate::{
     args::{ConstraintArg, DistortionArg, parse_point, parse_prior, parse_size},
     error::CliError,
-    export,
-    plot::{Curve, Figure, Marker, Panel, Style, png, svg},
 };
+use groundcal_io::export;
+use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
 
 /// `groundcal plan`.
 #[derive(Debug, Args)]

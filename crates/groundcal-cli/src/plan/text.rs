@@ -5,8 +5,9 @@ use std::fmt::Write;
 use clap::ValueEnum;
 use groundcal::plan::{PlannedMotion, Prediction, Shares};
 
-use super::{LARGE_STRAYS, PlanArgs, Report, RigArg};
-use crate::{args::DistortionArg, export::text::wrapped};
+use crate::args::DistortionArg;
+use crate::plan::{LARGE_STRAYS, PlanArgs, Report, RigArg};
+use groundcal_report::text::wrapped;
 
 const WIDTH: usize = 100;
 /// Room for the number of a shot.

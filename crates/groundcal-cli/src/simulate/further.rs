@@ -2,21 +2,17 @@
 
 use std::fmt::Write;
 
-use groundcal::{
-    statistics::median,
-    synthetic::{
-        radial_study::{self, LAMBDA, Spread, spread},
-        subset_study::{self, MOTIONS, PARTS, SIZES, part},
-        transfer_study::{self, FIRST_TURN_DEG, TURNS_DEG},
-    },
+use groundcal::numerics::statistics::median;
+use groundcal_lab::studies::{
+    radial::{self, LAMBDA, Spread, spread},
+    subset::{self, MOTIONS, PARTS, SIZES, part},
+    transfer::{self, FIRST_TURN_DEG, TURNS_DEG},
 };
 use rayon::prelude::*;
 
-use super::{csv_table, number, optional, progress_bar};
-use crate::{
-    error::CliError,
-    plot::{Curve, Figure, Marker, Panel, Style},
-};
+use crate::error::CliError;
+use crate::simulate::{csv_table, number, optional, progress_bar};
+use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style};
 
 /// What a study gives.
 pub struct Output {
@@ -90,7 +86,7 @@ fn text(value: Option<f64>) -> String {
 }
 
 fn radial(count: u32, seed: u64) -> Result<Output, CliError> {
-    use radial_study::{MATCHES, Method, NOISE_PX, trial};
+    use radial::{MATCHES, Method, NOISE_PX, trial};
     let bar = progress_bar("radial", (MATCHES.len() * NOISE_PX.len()) as u64 * u64::from(count));
     let mut records = Vec::new();
     let mut page = format!(
@@ -185,7 +181,7 @@ fn radial(count: u32, seed: u64) -> Result<Output, CliError> {
 }
 
 fn transfer(count: u32, seed: u64) -> Result<Output, CliError> {
-    use transfer_study::{AXIS_ERRORS_DEG, EQUAL_TURN_DEG, MATCHES, Method, Setup, trial};
+    use transfer::{AXIS_ERRORS_DEG, EQUAL_TURN_DEG, MATCHES, Method, Setup, trial};
     let turning = |m| TURNS_DEG.iter().map(move |&turn| (turn, Setup::turning(turn, m))).collect::<Vec<_>>();
     let stray = |m| AXIS_ERRORS_DEG.iter().map(move |&e| (e, Setup::off_axis(e, m))).collect::<Vec<_>>();
     let panels: Vec<(&str, Vec<(f64, Setup)>)> = MATCHES
@@ -305,9 +301,9 @@ fn subsets(count: u32, seed: u64) -> Result<Output, CliError> {
         [style(RED, &[], Some(Marker::Square)), style(BLUE, &[], Some(Marker::Circle)), style(SKY, DASHED, None)];
     let mut panels = Vec::new();
     for &size in &SIZES {
-        let all: Vec<subset_study::Trial> =
-            trials(count, &bar, |i| subset_study::trial(size, seed, i)).into_iter().flatten().collect();
-        let firsts = |f: &dyn Fn(&subset_study::Ranked) -> Option<f64>| -> Spread {
+        let all: Vec<subset::Trial> =
+            trials(count, &bar, |i| subset::trial(size, seed, i)).into_iter().flatten().collect();
+        let firsts = |f: &dyn Fn(&subset::Ranked) -> Option<f64>| -> Spread {
             spread(&all.iter().map(|t| f(&t.first)).collect::<Vec<_>>())
         };
         let (linear, weighted) = (firsts(&|r| r.linear), firsts(&|r| r.weighted));
@@ -328,7 +324,7 @@ fn subsets(count: u32, seed: u64) -> Result<Output, CliError> {
             styles.iter().map(|&style| Curve { style, points: Vec::new(), band: Vec::new() }).collect();
         let mut medians = Vec::new();
         for index in 0..PARTS {
-            let here: Vec<&subset_study::Ranked> = all
+            let here: Vec<&subset::Ranked> = all
                 .iter()
                 .flat_map(|t| {
                     let ranked = t.ranked.iter().enumerate();
@@ -339,9 +335,8 @@ fn subsets(count: u32, seed: u64) -> Result<Output, CliError> {
             let mut predicted: Vec<f64> =
                 here.iter().map(|r| 100.0 * super::HALF_NORMAL_MEDIAN * r.predicted).collect();
             let predicted = median(&mut predicted);
-            let of = |f: &dyn Fn(&subset_study::Ranked) -> Option<f64>| {
-                spread(&here.iter().map(|r| f(r)).collect::<Vec<_>>())
-            };
+            let of =
+                |f: &dyn Fn(&subset::Ranked) -> Option<f64>| spread(&here.iter().map(|r| f(r)).collect::<Vec<_>>());
             let (linear, weighted) = (of(&|r| r.linear), of(&|r| r.weighted));
             for (method, s) in [("linear", &linear), ("weighted", &weighted)] {
                 let mut record =

@@ -4,9 +4,9 @@ mod further;
 
 use std::{fmt::Write, path::Path};
 
-use groundcal::{
-    absolute_conic::Constraint,
-    synthetic::study::{Condition, MAX_SHIFT_M, Method, Study, Summary, Trial, summarise, summarise_bound, trial},
+use groundcal::start::absolute_conic::Constraint;
+use groundcal_lab::studies::figure4::{
+    Condition, MAX_SHIFT_M, Method, Study, Summary, Trial, summarise, summarise_bound, trial,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
@@ -14,9 +14,9 @@ use rayon::prelude::*;
 use crate::{
     args::{SimulateArgs, StudyArg},
     error::CliError,
-    export::write_whole,
-    plot::{Curve, Figure, Marker, Panel, Style, png, svg},
 };
+use groundcal_io::export::write_whole;
+use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
 
 /// The trials of one condition, summed up: each of [`Method::ALL`], then the bound.
 struct Row {
@@ -59,7 +59,7 @@ fn write_files(out: &Path, name: &str, table: &[u8], figure: &Figure) -> Result<
     write_whole(&path("csv"), table)?;
     let canvas = figure.layout();
     write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-    write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)
+    Ok(write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?)
 }
 
 /// Draws nothing where standard error is not a terminal.
@@ -318,7 +318,7 @@ fn summary(w: &mut String, study: Study, rows: &[Row], trials: u32) -> std::fmt:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plot::{Anchor, Item, letters};
+    use groundcal_report::plot::{Anchor, Item, letters};
 
     #[test]
     fn numbers_have_six_digits() {

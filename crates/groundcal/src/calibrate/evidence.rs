@@ -1,17 +1,20 @@
-//! What a calibration was made from (see [`crate::evidence`]), gathered at the end.
+//! What a calibration was made from (see [`crate::result::evidence`]), gathered at the end.
 
 use nalgebra::{Complex, Vector2};
 
-use super::{Pipeline, joint::Joint, pairs::PairResult, report::KnownLens};
+use crate::calibrate::{Pipeline, joint::Joint, pairs::PairResult, report::KnownLens};
 use crate::{
-    bundle::{
+    geometry::homography::Homography,
+    pairs::{
+        correspondence::{ImagePair, PointMatch},
+        plane_lens::Lens,
+        robust::RobustHomography,
+    },
+    refine::{
         BundleOptions, Kind,
         model::{Pose, Projector},
     },
-    correspondence::{ImagePair, PointMatch},
-    evidence::{Evidence, MatchEvidence, ObservationEvidence, PairEvidence},
-    homography::{Homography, RobustHomography},
-    lens_estimate::Lens,
+    result::evidence::{Evidence, MatchEvidence, ObservationEvidence, PairEvidence},
 };
 
 /// What patches took the place of.

@@ -1,8 +1,8 @@
-//! From the linear camera to the joint refinement of everything (see [`crate::bundle`]), and back to what is reported.
+//! From the linear camera to the joint refinement of everything (see [`crate::refine`]), and back to what is reported.
 
 use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2};
 
-use super::{
+use crate::calibrate::{
     LensModel, Options, Pipeline,
     linear::Chosen,
     pairs::PairResult,
@@ -10,28 +10,31 @@ use super::{
     unknown_lens::{K1_SIGMA, K2_SIGMA},
 };
 use crate::{
-    absolute_conic::intrinsics_of,
-    attitude::attitude_rotation,
-    attitude_groups::{AttitudeGroup, Sides},
-    bundle::{
+    error::Error,
+    floor::view::FloorView,
+    geometry::{
+        attitude::attitude_rotation, distortion::Distortion, frame::Frame, intrinsics::Intrinsics, plane_view::View,
+        size::ImageSize,
+    },
+    numerics::levenberg_marquardt::StopReason,
+    pairs::{
+        correspondence::{ImagePair, PointMatch},
+        refine::sampson_squared,
+        robust::RobustHomography,
+    },
+    refine::{
         Bundle, BundleOptions, CAMERA, CameraVector, GroupEstimate, Kind, Observation, SceneModel, State, Track,
         ViewEstimate, adjust, disagreement,
         model::pixels_by_camera,
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
-    camera::{CameraOptions, CameraSolution, PriorParameter, PriorUse, parameters_in_frame},
-    correspondence::{ImagePair, PointMatch},
-    distortion::Distortion,
-    error::Error,
-    floor::FloorView,
-    frame::Frame,
-    homography::{RobustHomography, refine::sampson_squared},
-    image::ImageSize,
-    intrinsics::Intrinsics,
-    levenberg_marquardt::StopReason,
-    plane_view::View,
     result::{FloorHomography, Refinement, ResidualReport, ViewReport},
+    select::attitude_groups::{AttitudeGroup, Sides},
+    start::{
+        absolute_conic::intrinsics_of,
+        linear_camera::{CameraOptions, CameraSolution, PriorParameter, PriorUse, parameters_in_frame},
+    },
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
@@ -160,7 +163,7 @@ impl Joint {
         let free: Vec<usize> = (5..CAMERA).filter(|&i| c[(i, i)] > 0.0).collect();
         let lens = nalgebra::DMatrix::from_fn(free.len(), free.len(), |r, s| c[(free[r], free[s])]);
         let cross = nalgebra::DVector::from_fn(free.len(), |r, _| c[(free[r], 0)]);
-        match crate::linalg::inverse_spd(&lens) {
+        match crate::numerics::linalg::inverse_spd(&lens) {
             Some(inverse) if !free.is_empty() => (cross.transpose() * inverse * &cross)[(0, 0)] / c[(0, 0)],
             _ => 0.0,
         }

@@ -2,17 +2,23 @@
 
 use rayon::prelude::*;
 
-use super::{LensModel, Method, Pipeline, joint::images_of, pairs::PairResult, report::KnownLens, turning::Turning};
+use crate::calibrate::{
+    LensModel, Method, Pipeline, joint::images_of, pairs::PairResult, report::KnownLens, turning::Turning,
+};
 use crate::{
-    attitude_groups::{Motion, Sides},
-    camera::{CameraOptions, CameraSolution, solve_camera},
-    circular_points::from_homography,
-    correspondence::{ImagePair, validated},
     error::Error,
-    intrinsics::Intrinsics,
-    lens_estimate::Lens,
-    motions::{ConsistencyOptions, Verdict, find_consistent},
+    geometry::intrinsics::Intrinsics,
+    pairs::{
+        circular_points::from_homography,
+        correspondence::{ImagePair, validated},
+        plane_lens::Lens,
+    },
     result::{Calibration, Warning},
+    select::{
+        attitude_groups::{Motion, Sides},
+        plane_normal::{ConsistencyOptions, Verdict, find_consistent},
+    },
+    start::linear_camera::{CameraOptions, CameraSolution, solve_camera},
 };
 
 /// Prior of the principal point in the search for consistent motions, as a fraction of the width: nothing should be lost to

@@ -17,19 +17,25 @@ mod unknown_lens;
 use rayon::prelude::*;
 
 use crate::{
-    absolute_conic::Constraint,
-    attitude_groups::{Motion, Sides},
-    camera::{CameraOptions, CameraSolution, GivenPrior, PriorParameter, solve_camera},
-    circular_points::{CircularPoint, MotionGeometry},
-    correspondence::ImagePair,
-    distortion::Distortion,
     error::Error,
-    features::{FeatureOptions, Features, MatchOptions, detect, match_features},
-    frame::Frame,
-    homography::{HomographyEstimate, RobustHomography, RobustOptions},
-    image::{GrayImage, ImageSize},
-    least_squares_matching::PatchOptions,
+    geometry::{distortion::Distortion, frame::Frame, size::ImageSize},
+    pairs::{
+        circular_points::{CircularPoint, MotionGeometry},
+        correspondence::ImagePair,
+        refine::HomographyEstimate,
+        robust::{RobustHomography, RobustOptions},
+    },
     result::{Calibration, Warning},
+    select::attitude_groups::{Motion, Sides},
+    start::{
+        absolute_conic::Constraint,
+        linear_camera::{CameraOptions, CameraSolution, GivenPrior, PriorParameter, solve_camera},
+    },
+    vision::{
+        features::{FeatureOptions, Features, MatchOptions, detect, match_features},
+        image::GrayImage,
+        patches::PatchOptions,
+    },
 };
 
 /// How the camera is estimated from the motions.
@@ -40,7 +46,7 @@ pub enum Method {
     /// Joint refinement of camera, lens, attitudes, views and points, from there.
     #[default]
     Joint,
-    /// All homographies taken for rotations about the optical centre ([`crate::rotating`]): a pan-tilt camera on the spot. No
+    /// All homographies taken for rotations about the optical centre ([`crate::start::rotating_camera`]): a pan-tilt camera on the spot. No
     /// floor is needed, no axis is assumed; [`Constraint::Auto`] stands for [`Constraint::ZeroSkew`].
     Rotating,
 }

@@ -3,19 +3,18 @@
 use nalgebra::{Vector2, Vector4};
 use rayon::prelude::*;
 
-use super::{Pipeline, Stage, evidence::Superseded};
+use crate::calibrate::{Pipeline, Stage, evidence::Superseded};
 use crate::{
-    circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, from_homography},
-    correspondence::{ImagePair, PointMatch},
-    distortion::Distortion,
     error::Error,
-    homography::{
-        HomographyEstimate, RobustHomography, RobustOptions, estimate_robust,
-        refine::{RefineOptions, refine, spread_ratio},
+    geometry::{distortion::Distortion, intrinsics::Intrinsics},
+    numerics::linalg::complex_pair_eigen,
+    pairs::{
+        circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, from_homography},
+        correspondence::{ImagePair, PointMatch},
+        plane_lens::Lens,
+        refine::{HomographyEstimate, RefineOptions, refine, spread_ratio},
+        robust::{RobustHomography, RobustOptions, estimate_robust},
     },
-    intrinsics::Intrinsics,
-    lens_estimate::Lens,
-    linalg::complex_pair_eigen,
 };
 
 /// Why a pair has no homography or no circular point, in the words of the report.

@@ -1,14 +1,18 @@
-//! The motions' floor matched again patch by patch (see [`crate::least_squares_matching`]).
+//! The motions' floor matched again patch by patch (see [`crate::vision::patches`]).
 
 use nalgebra::Vector2;
 use rayon::prelude::*;
 
-use super::{Pipeline, Stage, evidence::Superseded, pairs::PairResult};
+use crate::calibrate::{Pipeline, Stage, evidence::Superseded, pairs::PairResult};
 use crate::{
-    correspondence::{ImagePair, PointMatch},
-    image::GrayImage,
-    least_squares_matching::{match_patches, template_grid},
-    lens_estimate::Lens,
+    pairs::{
+        correspondence::{ImagePair, PointMatch},
+        plane_lens::Lens,
+    },
+    vision::{
+        image::GrayImage,
+        patches::{match_patches, template_grid},
+    },
 };
 
 /// Fewest patches that replace feature matches.

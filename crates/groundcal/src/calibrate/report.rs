@@ -2,7 +2,7 @@
 
 use nalgebra::{SMatrix, Vector2, Vector3};
 
-use super::{
+use crate::calibrate::{
     HELD_ATTITUDE_SIGMA_DEG, Method, Pipeline, Stage,
     joint::Joint,
     linear::Chosen,
@@ -10,25 +10,23 @@ use super::{
     unknown_lens::{LensFinding, covariance_of_lens},
 };
 use crate::{
-    attitude::{attitude_from_up, up_in_camera},
-    attitude_groups::AttitudeGroup,
-    bundle::{CAMERA, GROUP_NUMBERS, SceneModel},
-    camera::{CameraSolution, check_certainty},
-    circular_points::CircularPoint,
-    correspondence::ImagePair,
-    distortion::Distortion,
     error::Error,
-    evidence::Evidence,
-    frame::Frame,
-    image::ImageSize,
-    intrinsics::Intrinsics,
-    lens_estimate::Lens,
-    motions::Verdict,
+    geometry::{
+        attitude::{attitude_from_up, up_in_camera},
+        distortion::Distortion,
+        frame::Frame,
+        intrinsics::Intrinsics,
+        size::ImageSize,
+    },
+    numerics::statistics::chi_squared_survival,
+    pairs::{circular_points::CircularPoint, correspondence::ImagePair, plane_lens::Lens},
+    refine::{CAMERA, GROUP_NUMBERS, SceneModel},
     result::{
         AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, PrincipalPointDoubt,
-        Prior, StandardDeviation, Warning,
+        Prior, StandardDeviation, Warning, evidence::Evidence,
     },
-    statistics::chi_squared_survival,
+    select::{attitude_groups::AttitudeGroup, plane_normal::Verdict},
+    start::linear_camera::{CameraSolution, check_certainty},
 };
 
 /// Standard deviation of fx, in percent, from which on its interval is only roughly one.

@@ -1,4 +1,4 @@
-//! The rotating-camera method on all pairs ([`crate::rotating`]): a pan-tilt camera on the spot, before a scene of any shape.
+//! The rotating-camera method on all pairs ([`crate::start::rotating_camera`]): a pan-tilt camera on the spot, before a scene of any shape.
 //!
 //! ```text
 //! Hᵀ ω H = ω for every pair
@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use nalgebra::SMatrix;
 
-use super::{
+use crate::calibrate::{
     LensModel, Pipeline, Stage,
     joint::images_of,
     linear::{Chosen, settle},
@@ -20,16 +20,15 @@ use super::{
     unknown_lens::covariance_of_lens,
 };
 use crate::{
-    absolute_conic::Constraint,
-    camera::CameraSolution,
-    correspondence::ImagePair,
-    distortion::Distortion,
     error::Error,
-    homography::HomographyEstimate,
-    intrinsics::Intrinsics,
-    lens_estimate::Lens,
+    geometry::{distortion::Distortion, intrinsics::Intrinsics},
+    pairs::{correspondence::ImagePair, plane_lens::Lens, refine::HomographyEstimate},
     result::{Calibration, Warning},
-    rotating::{RotatingOptions, RotatingSolution, Weighting, calibrate_rotating},
+    start::{
+        absolute_conic::Constraint,
+        linear_camera::CameraSolution,
+        rotating_camera::{RotatingOptions, RotatingSolution, Weighting, calibrate_rotating},
+    },
 };
 
 impl Pipeline<'_> {

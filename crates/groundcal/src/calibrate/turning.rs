@@ -6,7 +6,7 @@
 
 use nalgebra::Matrix3;
 
-use super::{
+use crate::calibrate::{
     Pipeline, Stage,
     joint::{Joint, images_of},
     linear::Chosen,
@@ -14,17 +14,15 @@ use super::{
     report::{Concluded, KnownLens},
 };
 use crate::{
-    attitude::attitude_rotation,
-    bundle::{
+    error::Error,
+    geometry::{attitude::attitude_rotation, intrinsics::Intrinsics},
+    pairs::{correspondence::ImagePair, plane_lens::Lens},
+    refine::{
         Kind, SceneModel,
         start::{rotations_from_links, state_from_links},
     },
-    camera::{CameraSolution, check_certainty},
-    correspondence::ImagePair,
-    error::Error,
-    intrinsics::Intrinsics,
-    lens_estimate::Lens,
     result::{Calibration, Warning},
+    start::linear_camera::{CameraSolution, check_certainty},
 };
 
 /// Fewest images: two views of a turn are a plane-normal motion, whatever the axis.

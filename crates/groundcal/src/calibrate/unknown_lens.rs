@@ -3,20 +3,21 @@
 
 use nalgebra::{Matrix4, SMatrix, SVector};
 
-use super::{
+use crate::calibrate::{
     LensModel, Pipeline,
     linear::{Chosen, Scenario},
     pairs::PairResult,
     report::KnownLens,
 };
 use crate::{
-    camera::{CameraOptions, CameraSolution, solve_camera},
-    correspondence::{ImagePair, PointMatch},
-    distortion::Distortion,
     error::Error,
-    intrinsics::Intrinsics,
-    lens_estimate::{Lens, LensEstimate, LensPrior, estimate_lens},
+    geometry::{distortion::Distortion, intrinsics::Intrinsics},
+    pairs::{
+        correspondence::{ImagePair, PointMatch},
+        plane_lens::{Lens, LensEstimate, LensPrior, estimate_lens},
+    },
     result::{Calibration, Warning},
+    start::linear_camera::{CameraOptions, CameraSolution, solve_camera},
 };
 
 /// Priors of k1 and k2, lenses from wide to long.

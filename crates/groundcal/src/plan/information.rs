@@ -4,24 +4,25 @@
 //! Λ_m = C − Bᵀ A⁻¹ B
 //! ```
 //!
-//! C, B, A: camera, cross and motion blocks of the normal equations of the joint refinement ([`crate::bundle::problem`]: floor
+//! C, B, A: camera, cross and motion blocks of the normal equations of the joint refinement ([`crate::refine::problem`]: floor
 //! points eliminated, priors on the views' attitudes and heights included), linearised at the motion as planned. The points stand
 //! on a grid over the first image, each for its share of the matches.
 
 use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, Vector2, Vector3};
 
 use crate::{
-    attitude::{attitude_rotation, yaw_rotation},
-    bundle::{
+    geometry::{
+        attitude::{attitude_rotation, yaw_rotation},
+        frame::Frame,
+        size::ImageSize,
+    },
+    numerics::{levenberg_marquardt::LeastSquares, linalg::inverse_spd},
+    refine::{
         BundleOptions, CAMERA, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState,
         layout::{Ingredients, Layout},
         model::{Pose, Projector},
         problem::Problem,
     },
-    frame::Frame,
-    image::ImageSize,
-    levenberg_marquardt::LeastSquares,
-    linalg::inverse_spd,
     synthetic::points::MotionSpec,
 };
 
@@ -185,12 +186,10 @@ impl Setting {
 mod tests {
     use super::*;
     use crate::{
-        absolute_conic::Constraint,
-        bundle::model::pixels_by_camera,
         calibrate::{LensModel, Options},
-        camera::parameters_in_frame,
-        intrinsics::Intrinsics,
-        plane_view::View,
+        geometry::{intrinsics::Intrinsics, plane_view::View},
+        refine::model::pixels_by_camera,
+        start::{absolute_conic::Constraint, linear_camera::parameters_in_frame},
         synthetic::bound::{HeightModel, cramer_rao_bound},
     };
 
@@ -221,7 +220,7 @@ mod tests {
                 let (i, j) = (kept[r], kept[c]);
                 (more[(i, j)] - less[(i, j)]) / (more[(i, i)] * more[(j, j)]).sqrt()
             });
-            let (values, _) = crate::linalg::symmetric_eigen(&gain).expect("finite");
+            let (values, _) = crate::numerics::linalg::symmetric_eigen(&gain).expect("finite");
             assert!(values[0] > -1e-9 && values[kept.len() - 1] > 0.1, "{values}");
         }
     }

@@ -17,16 +17,13 @@ use nalgebra::SMatrix;
 use serde::Serialize;
 
 use crate::{
-    bundle::{CAMERA, CameraVector, model::pixels_by_camera},
     calibrate::Options,
-    camera::{PriorParameter, check_certainty, parameters_in_frame},
-    distortion::Distortion,
     error::Error,
-    frame::Frame,
-    image::ImageSize,
-    intrinsics::Intrinsics,
-    linalg::inverse_spd,
+    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    numerics::linalg::inverse_spd,
+    refine::{CAMERA, CameraVector, model::pixels_by_camera},
     result::{PrincipalPointDoubt, Prior, StandardDeviation, Warning},
+    start::linear_camera::{PriorParameter, check_certainty, parameters_in_frame},
     synthetic::points::MotionSpec,
 };
 

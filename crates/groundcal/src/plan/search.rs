@@ -1,7 +1,7 @@
 //! The choice of motions: greedy, then exchanges (Fedorov 1972, *Theory of Optimal Experiments*).
 
-use super::{CameraMatrix, Candidate, inverse_free, ln_f_variance};
-use crate::bundle::CAMERA;
+use crate::plan::{CameraMatrix, Candidate, inverse_free, ln_f_variance};
+use crate::refine::CAMERA;
 
 /// Relative gain in the standard deviation of f for which a less simple motion is taken, and for which one is exchanged.
 const WORTH: f64 = 0.01;

@@ -6,10 +6,12 @@
 use nalgebra::{DMatrix, SMatrix, Vector2};
 
 use crate::{
-    absolute_conic::Constraint,
-    intrinsics::Intrinsics,
-    linalg::inverse_spd,
-    plane_view::{View, project_with_jacobian},
+    geometry::{
+        intrinsics::Intrinsics,
+        plane_view::{View, project_with_jacobian},
+    },
+    numerics::linalg::inverse_spd,
+    start::absolute_conic::Constraint,
 };
 
 /// Whether the height may change between the views of a motion.
@@ -98,7 +100,7 @@ pub fn cramer_rao_bound(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{plane_view::project, synthetic::points::PointScene};
+    use crate::{geometry::plane_view::project, synthetic::points::PointScene};
     use nalgebra::Vector3;
 
     /// The same information from a dense Jacobian by central differences, nothing eliminated by hand.

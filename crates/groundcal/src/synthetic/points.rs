@@ -6,13 +6,15 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::{
-    attitude::{attitude_rotation, yaw_rotation},
-    correspondence::{ImagePair, PointMatch},
-    distortion::Distortion,
-    homography::Homography,
-    image::ImageSize,
-    intrinsics::Intrinsics,
-    plane_view::{View, project},
+    geometry::{
+        attitude::{attitude_rotation, yaw_rotation},
+        distortion::Distortion,
+        homography::Homography,
+        intrinsics::Intrinsics,
+        plane_view::{View, project},
+        size::ImageSize,
+    },
+    pairs::correspondence::{ImagePair, PointMatch},
 };
 
 /// One motion; lengths in the floor's unit.

@@ -1,0 +1,92 @@
+//! `cameras.txt`, `images.txt` and `points3D.txt`: a COLMAP model as text.
+//!
+//! COLMAP counts pixels from the corner of the image, half a pixel before our origin: its cx and cy are ours plus ½. A pose is
+//! the unit quaternion and the translation of x_camera = R X + t, t = -R c; its camera frame is ours (x right, y down, z forward).
+
+use std::fmt::Write;
+
+use groundcal::result::Calibration;
+use nalgebra::{Rotation3, UnitQuaternion};
+
+use crate::export::formats::World;
+
+/// The camera, with the smallest model that holds it.
+pub fn cameras(calibration: &Calibration) -> String {
+    let c = &calibration.camera;
+    let d = &c.distortion;
+    let (fx, fy, cx, cy) = (c.fx, c.fy, c.cx + 0.5, c.cy + 0.5);
+    let radial_only = d.p1 == 0.0 && d.p2 == 0.0;
+    let square = fx == fy;
+    let (model, parameters) = match (radial_only && d.k2 == 0.0, radial_only) {
+        (true, _) if d.k1 == 0.0 && square => ("SIMPLE_PINHOLE", vec![fx, cx, cy]),
+        (true, _) if d.k1 == 0.0 => ("PINHOLE", vec![fx, fy, cx, cy]),
+        (true, _) if square => ("SIMPLE_RADIAL", vec![fx, cx, cy, d.k1]),
+        (_, true) if square => ("RADIAL", vec![fx, cx, cy, d.k1, d.k2]),
+        _ => ("OPENCV", vec![fx, fy, cx, cy, d.k1, d.k2, d.p1, d.p2]),
+    };
+    let numbers: Vec<String> = parameters.iter().map(f64::to_string).collect();
+    let skew = if c.skew == 0.0 {
+        String::new()
+    } else {
+        format!("# A skew of {} px is left out: the format has none.\n", c.skew)
+    };
+    format!(
+        "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n\
+         # (0.5,0.5) is the centre of the top-left pixel, as COLMAP counts.\n{skew}# Number of cameras: 1\n1 {model} {} {} {}\n",
+        c.image_size[0],
+        c.image_size[1],
+        numbers.join(" ")
+    )
+}
+
+/// The poses of one world, without points.
+pub fn images(world: &World) -> String {
+    let mut out = String::from(
+        "# Image list with two lines of data per image:\n\
+         #   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n\
+         #   POINTS2D[] as (X, Y, POINT3D_ID)\n\
+         # World: the floor is Z = 0, Z up",
+    );
+    let _ = writeln!(out, "; lengths in {}.", world.unit);
+    if world.poses.is_empty() {
+        out += "# No poses: the calibration has no positions of its views.\n";
+    }
+    if !world.left_out.is_empty() {
+        let _ = writeln!(out, "# Here, {}.", one_line(&world.what_is_left_out()));
+    }
+    let _ = writeln!(out, "# Number of images: {}, mean observations per image: 0", world.poses.len());
+    for (i, pose) in world.poses.iter().enumerate() {
+        let r = Rotation3::from_matrix_unchecked(pose.r_cam_from_world);
+        let q = UnitQuaternion::from_rotation_matrix(&r);
+        // Of the two quaternions of a rotation, the one of the smaller angle.
+        let q = if q.w < 0.0 { UnitQuaternion::new_unchecked(-q.into_inner()) } else { q };
+        let t = -(r * pose.centre);
+        // The second line, of points, stays empty.
+        let _ = writeln!(
+            out,
+            "{} {} {} {} {} {} {} {} 1 {}\n",
+            i + 1,
+            q.w,
+            q.i,
+            q.j,
+            q.k,
+            t.x,
+            t.y,
+            t.z,
+            one_line(pose.image)
+        );
+    }
+    out
+}
+
+/// No points: COLMAP reads a model only where the file is there.
+pub fn points() -> String {
+    "# 3D point list with one line of data per point:\n#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n\
+     # Number of points: 0, mean track length: 0\n"
+        .into()
+}
+
+/// A name that cannot end its line.
+fn one_line(text: &str) -> String {
+    text.replace(char::is_control, "_")
+}

@@ -1,0 +1,159 @@
+use crate::import::*;
+
+/// fx 700, fy 702, cx 400.25, cy 299.5, k1 -0.1, k2 0.02, p1 1e-3, p2 -2e-3, k3 0.005, 800 x 600.
+const OPENCV_YAML: &str = "%YAML:1.0\n---\ncalibration_time: \"Mon 23 Nov\"\nimage_width: 800\nimage_height: 600\nflags: 0\ncamera_matrix: \
+                           !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 700., 0., 400.25, 0.,\n       7.02e+02, 299.5, 0., 0., 1. \
+                           ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n   data: [ -0.1, 2.0e-02, 1e-3, -2e-3, 0.005 ]\n";
+const OPENCV_XML: &str = "<?xml version=\"1.0\"?>\n<opencv_storage>\n<image_Width>800</image_Width>\n<image_Height>600</image_Height>\n<Camera_Matrix \
+                          type_id=\"opencv-matrix\">\n<rows>3</rows><cols>3</cols><dt>d</dt>\n<data>\n 700. 0. 400.25 0. 702. 299.5 0.\n 0. \
+                          1.</data></Camera_Matrix>\n<Distortion_Coefficients type_id=\"opencv-matrix\"><rows>5</rows><cols>1</cols><dt>d</dt>\n<data>-0.1 \
+                          0.02 1e-3 -2e-3 0.005</data></Distortion_Coefficients>\n</opencv_storage>\n";
+const ROS: &str = "image_width: 800\nimage_height: 600\ncamera_name: narrow_stereo\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [700, 0, 400.25, 0, \
+                   702, 299.5, 0, 0, 1]\ndistortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [-0.1, 0.02, 0.001, -0.002, \
+                   0.005]\nrectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\nprojection_matrix:\n  rows: 3\n  cols: 4\n  \
+                   data: [690, 0, 401, 0, 0, 691, 298, 0, 0, 0, 1, 0]\n";
+const ROS_MESSAGE: &str = "header:\n  seq: 1\nheight: 600\nwidth: 800\ndistortion_model: \"plumb_bob\"\nD: [-0.1, 0.02, 0.001, -0.002, 0.005]\nK: [700.0, \
+                           0.0, 400.25, 0.0, 702.0, 299.5, 0.0, 0.0, 1.0]\nR: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\nP: [690.0, 0.0, 401.0, 0.0, \
+                           0.0, 691.0, 298.0, 0.0, 0.0, 0.0, 1.0, 0.0]\n---\nheader:\n  seq: 2\n";
+const KALIBR: &str = "cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n  distortion_coeffs: [-0.1, 0.02, 0.001, -0.002]\n  distortion_model: radtan\n  \
+                      intrinsics: [700.0, 702.0, 400.25, 299.5]\n  resolution: [800, 600]\n  rostopic: /cam0\ncam1:\n  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, \
+                      0.1]\n  - [0.0, 1.0, 0.0, 0.0]\n  - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n  camera_model: pinhole\n  distortion_coeffs: \
+                      []\n  distortion_model: none\n  intrinsics: [650.0, 651.0, 399.0, 301.0]\n  resolution: [800, 600]\n";
+const COLMAP: &str = "# Camera list\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n1 OPENCV 800 600 700 702 400.75 300 -0.1 0.02 0.001 -0.002\n2 \
+                      SIMPLE_RADIAL 640 480 500 320 240 -0.05\n3 PINHOLE 640 480 500 501 320 240\n4 SIMPLE_PINHOLE 640 480 500 320 240\n5 RADIAL 640 480 \
+                      500 320 240 -0.05 0.01\n6 FULL_OPENCV 800 600 700 702 400.75 300 -0.1 0.02 0.001 -0.002 0.005 0 0 0\n";
+const NERFSTUDIO: &str = r#"{"camera_model": "OPENCV", "w": 800, "h": 600, "fl_x": 700, "fl_y": 702, "cx": 400.75, "cy": 300, "k1": -0.1, "k2": 0.02,
+    "p1": 0.001, "p2": -0.002, "k3": 0.005, "frames": []}"#;
+const TRUTH: &str = r#"{"image_size": [800, 600], "fx": 700, "fy": 702, "cx": 400.25, "cy": 299.5, "skew": 0, "kind": "rendered",
+    "distortion": {"model": "radtan", "k1": -0.1, "k2": 0.02, "p1": 0.001, "p2": -0.002, "k3": 0.005}}"#;
+const OURS: &str = r#"{"format_version": 1, "camera": {"image_size": [800, 600], "fx": 700.0, "fy": 702.0, "cx": 400.25, "cy": 299.5, "skew": 0.0,
+    "distortion": {"model": "radtan", "k1": -0.1, "k2": 0.02, "p1": 0.001, "p2": -0.002}},
+    "covariance": {"parameters": ["fx", "k1"], "matrix": [[4.0, 0.1], [0.1, 0.01]]}}"#;
+
+fn one(text: &str) -> ImportedCamera {
+    let mut cameras = parse(text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    cameras.swap_remove(0)
+}
+
+#[test]
+fn every_format_gives_the_same_camera() {
+    for (format, k3, text) in [
+        ("OpenCV", 0.005, OPENCV_YAML),
+        ("OpenCV", 0.005, OPENCV_XML),
+        ("ROS camera_info", 0.005, ROS),
+        ("ROS camera_info", 0.005, ROS_MESSAGE),
+        ("Kalibr", 0.0, KALIBR),
+        ("COLMAP", 0.0, COLMAP),
+        ("transforms.json", 0.005, NERFSTUDIO),
+        ("truth", 0.005, TRUTH),
+        ("groundcal", 0.0, OURS),
+    ] {
+        let camera = one(text);
+        assert_eq!(camera.format, format);
+        assert_eq!(camera.size, Some(ImageSize::new(800, 600)), "{format}");
+        assert_eq!(
+            camera.intrinsics,
+            Intrinsics { fx: 700.0, fy: 702.0, cx: 400.25, cy: 299.5, skew: 0.0 },
+            "{format}"
+        );
+        assert_eq!(camera.distortion, Distortion { k1: -0.1, k2: 0.02, p1: 1e-3, p2: -2e-3 }, "{format}");
+        assert_eq!(camera.k3, k3, "{format}");
+    }
+}
+
+#[test]
+fn models_of_colmap_and_errors_of_ours() {
+    let all = parse(COLMAP).unwrap();
+    let found: Vec<(&str, f64, f64, f64, f64)> = all
+        .iter()
+        .map(|c| (c.label.as_str(), c.intrinsics.fy, c.intrinsics.cx, c.distortion.k1, c.distortion.k2))
+        .collect();
+    assert_eq!(found[1], ("2", 500.0, 319.5, -0.05, 0.0));
+    assert_eq!(found[2], ("3", 501.0, 319.5, 0.0, 0.0));
+    assert_eq!(found[3], ("4", 500.0, 319.5, 0.0, 0.0));
+    assert_eq!(found[4], ("5", 500.0, 319.5, -0.05, 0.01));
+    assert_eq!(all[5].k3, 0.005);
+    // Rows by name, wherever they stand.
+    let covariance = one(OURS).covariance.unwrap();
+    assert_eq!((covariance[0][0], covariance[0][5], covariance[5][5], covariance[1][1]), (4.0, 0.1, 0.01, 0.0));
+    let sigmas = OURS.replace(
+        r#""covariance": {"parameters": ["fx", "k1"], "matrix": [[4.0, 0.1], [0.1, 0.01]]}"#,
+        r#""standard_deviation": {"fx": 2.0, "fy": null, "cx": null, "cy": null, "skew": null, "k1": 0.5, "k2": null}"#,
+    );
+    let covariance = one(&sigmas).covariance.unwrap();
+    assert_eq!((covariance[0][0], covariance[5][5], covariance[0][5]), (4.0, 0.25, 0.0));
+}
+
+/// The message says all these words.
+fn refused(text: &str, words: &[&str]) {
+    let message = parse(text).map(|c| format!("{c:?}")).unwrap_err();
+    for word in words {
+        assert!(message.contains(word), "\"{word}\" is missing in: {message}");
+    }
+}
+
+#[test]
+fn lenses_that_are_not_read_are_named() {
+    refused(&KALIBR.replace("radtan", "equidistant"), &["cam0", "equidistant", "radtan"]);
+    refused(&KALIBR.replace("camera_model: pinhole", "camera_model: omni"), &["omni", "only pinhole"]);
+    refused(&COLMAP.replace("2 SIMPLE_RADIAL", "2 OPENCV_FISHEYE"), &["line 4", "OPENCV_FISHEYE", "SIMPLE_PINHOLE"]);
+    refused(&COLMAP.replace("0.005 0 0 0", "0.005 0.1 0 0"), &["line 8", "coefficient 6 is 0.1"]);
+    refused(&ROS.replace("plumb_bob", "equidistant"), &["equidistant", "plumb_bob"]);
+    refused(&OPENCV_XML.replace("<image_Width>", "<fisheye_model>1</fisheye_model><image_Width>"), &["fisheye"]);
+    refused(&NERFSTUDIO.replace("\"OPENCV\"", "\"OPENCV_FISHEYE\""), &["OPENCV_FISHEYE", "not"]);
+    refused(&TRUTH.replace("radtan", "fisheye"), &["fisheye"]);
+    let eight = OPENCV_YAML.replace("rows: 5\n", "rows: 8\n").replace("0.005 ]", "0.005, 0, 0.3, 0 ]");
+    refused(&eight, &["coefficient 7 is 0.3", "rational"]);
+    assert_eq!(one(&eight.replace("0.3", "0")).k3, 0.005);
+}
+
+#[test]
+fn errors_say_what_was_expected_and_found() {
+    refused("", &["empty"]);
+    refused("hello world\n", &["no calibration", "camera_matrix", "cam0"]);
+    refused("alpha: 1\nbeta: 2\n", &["camera_matrix", "alpha, beta"]);
+    refused("# COLMAP, but no camera\n", &["no calibration"]);
+    refused(
+        &COLMAP.replace("1 OPENCV 800 600 700 702", "1 OPENCV 800 600 700"),
+        &["line 3", "OPENCV has 8", "found 7"],
+    );
+    refused(
+        &COLMAP.replace("400.75 300 -0.1 0.02 0.001 -0.002\n2", "400.75 x -0.1 0.02 0.001 -0.002\n2"),
+        &["line 3", "\"x\""],
+    );
+    refused(&OPENCV_YAML.replace("data: [ 700., 0.,", "data: [ 700.,"), &["camera_matrix", "3 rows", "8 numbers"]);
+    refused(&OPENCV_YAML.replace("700.", ".Nan"), &["camera_matrix", "\".Nan\" is not a number"]);
+    refused(&OPENCV_YAML.replace("700.", ".nan"), &["fx is NaN"]);
+    refused(&OPENCV_YAML.replace("700.", "-700."), &["fx is -700", "positive"]);
+    refused(&ROS.replace("image_width: 800", "image_width: 0"), &["0 x 600"]);
+    refused(&ROS.replace("299.5, 0, 0, 1]", "299.5, 0, 0.1, 1]"), &["camera_matrix", "0.1"]);
+    refused(&ROS.replace("-0.1, 0.02, 0.001, -0.002, 0.005", "-0.1, 0.02, 0.001"), &["distortion", "5"]);
+    refused(&KALIBR.replace("  resolution: [800, 600]\n  rostopic: /cam0\n", ""), &["cam0", "no resolution"]);
+    refused("{\"a\": 1}", &["neither", "calibration.json"]);
+    refused("{\"a\": ", &["damaged JSON"]);
+    refused("<a><b></a>", &["damaged XML"]);
+    refused("<opencv_storage><x>1</x></opencv_storage>", &["no camera_matrix", "x"]);
+    refused(&OURS.replace("[0.1, 0.01]]", "[0.1]]"), &["covariance"]);
+    // A machine's stack must not decide.
+    refused(&"[".repeat(100_000), &["nested"]);
+    refused(&"- ".repeat(100_000), &["nested"]);
+    refused(&"? ".repeat(100_000), &["nested"]);
+    refused(&"<a>".repeat(100_000), &["XML"]);
+}
+
+#[test]
+fn one_camera_of_several_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("chain.yaml");
+    std::fs::write(&path, KALIBR).unwrap();
+    let name = path.to_str().unwrap();
+    let message = read(name).unwrap_err().to_string();
+    assert!(message.contains("cam0, cam1") && message.contains("chain.yaml#cam0"), "{message}");
+    assert_eq!(read(&format!("{name}#cam1")).unwrap().intrinsics.fx, 650.0);
+    assert!(read(&format!("{name}#cam7")).unwrap_err().to_string().contains("no camera cam7"));
+    assert!(read(folder.path().to_str().unwrap()).unwrap_err().to_string().contains("truth.json"));
+    std::fs::write(folder.path().join("truth.json"), TRUTH).unwrap();
+    assert_eq!(read(folder.path().to_str().unwrap()).unwrap().format, "truth");
+    std::fs::write(&path, [0xff, 0xd8, 0xff, 0x00]).unwrap();
+    assert!(read(name).unwrap_err().to_string().contains("expected text"));
+}

@@ -1,0 +1,120 @@
+//! Renders a scene file: one picture a view, and `truth.json` beside them.
+
+use std::path::Path;
+
+use crate::renderer::{
+    render::{Renderer, RgbImage8},
+    scene::Scene,
+};
+use image::{
+    ExtendedColorType, ImageEncoder, ImageError,
+    codecs::{jpeg::JpegEncoder, png::PngEncoder},
+};
+
+use groundcal_io::error::IoError;
+use groundcal_io::export::write_whole;
+
+/// Renders every view of the scene file into `out_dir`; see [`write_pictures`].
+pub fn run(scene_path: &Path, out_dir: &Path) -> Result<(), IoError> {
+    let name = scene_path.display().to_string();
+    let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
+    let text = std::fs::read_to_string(scene_path).map_err(|e| wrong(&format!("cannot be read: {e}")))?;
+    let scene: Scene = toml::from_str(&text).map_err(|e| wrong(&format!("not a scene file: {e}")))?;
+    write_pictures(&scene, &name, out_dir, |_| {}).map(|_| ())
+}
+
+/// Renders every view of a scene into `out_dir` (made if missing), then writes `truth.json` there, and gives the pictures as
+/// they were before JPEG. Each file appears whole or not at all; `truth.json` comes last, so that its presence says that the
+/// pictures are complete. `name` stands for the scene in messages; `done` hears of each picture.
+pub fn write_pictures(
+    scene: &Scene,
+    name: &str,
+    out_dir: &Path,
+    done: impl Fn(usize),
+) -> Result<Vec<RgbImage8>, IoError> {
+    let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
+    let renderer = Renderer::new(scene).map_err(|e| wrong(&e))?;
+    std::fs::create_dir_all(out_dir)
+        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", out_dir.display())))?;
+    let mut pictures = Vec::with_capacity(scene.view_count());
+    for (index, (_, view)) in scene.views().enumerate() {
+        let picture = renderer.render(index).map_err(|e| wrong(&e))?;
+        let path = out_dir.join(&view.file);
+        let bytes = encode(&picture, &view.file, scene.sensor.jpeg_quality)
+            .map_err(|e| IoError::Other(format!("cannot encode {}: {e}", path.display())))?;
+        write_whole(&path, &bytes)?;
+        pictures.push(picture);
+        done(index);
+    }
+    let json = serde_json::to_string_pretty(&scene.truth())
+        .map_err(|e| IoError::Other(format!("cannot write the truth as JSON: {e}")))?;
+    write_whole(&out_dir.join("truth.json"), format!("{json}\n").as_bytes())?;
+    Ok(pictures)
+}
+
+/// PNG or JPEG, as the file's name says.
+pub fn encode(picture: &RgbImage8, file: &str, jpeg_quality: u8) -> Result<Vec<u8>, ImageError> {
+    let mut bytes = Vec::new();
+    let (width, height) = (picture.size.width as u32, picture.size.height as u32);
+    if file.to_ascii_lowercase().ends_with(".png") {
+        PngEncoder::new(&mut bytes).write_image(&picture.data, width, height, ExtendedColorType::Rgb8)?;
+    } else {
+        let encoder = JpegEncoder::new_with_quality(&mut bytes, jpeg_quality);
+        encoder.write_image(&picture.data, width, height, ExtendedColorType::Rgb8)?;
+    }
+    Ok(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SCENE: &str = r#"
+        [camera]
+        image_size = [64, 48]
+        fx = 50
+        [[group]]
+        pitch_down_deg = 50
+        [[group.view]]
+        file = "a.png"
+        yaw_deg = 0
+        centre_m = [0, 0, 1.5]
+        [[group.view]]
+        file = "b.jpg"
+        yaw_deg = 20
+        centre_m = [0.1, 0, 1.5]
+    "#;
+
+    #[test]
+    fn a_scene_file_becomes_pictures_and_truth() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("scene.toml");
+        std::fs::write(&scene, SCENE).unwrap();
+        let out = folder.path().join("new/out");
+        run(&scene, &out).unwrap();
+        for file in ["a.png", "b.jpg"] {
+            let picture = image::open(out.join(file)).unwrap();
+            assert_eq!((picture.width(), picture.height()), (64, 48));
+        }
+        let truth: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(out.join("truth.json")).unwrap()).unwrap();
+        assert_eq!(truth["fy"], 50.0);
+        assert_eq!(truth["views"][1]["file"], "b.jpg");
+        assert_eq!(truth["distortion"]["model"], "none");
+        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3, "no temporary file is left");
+    }
+
+    #[test]
+    fn errors_say_what_is_wrong_where() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("scene.toml");
+        let message = |text: &str| {
+            std::fs::write(&scene, text).unwrap();
+            run(&scene, folder.path()).unwrap_err().to_string()
+        };
+        assert!(message(&SCENE.replace("fx = 50", "fx = -1")).contains("camera.fx = -1.0: must be positive"));
+        let text = message(&SCENE.replace("fx = 50", "focal = 50"));
+        assert!(text.contains("focal") && text.contains("line 4"), "{text}");
+        assert!(run(&folder.path().join("none.toml"), folder.path()).unwrap_err().to_string().contains("none.toml"));
+    }
+}

@@ -1,0 +1,7 @@
+//! Photographs of floors with exact truth, deterministic by their seed.
+
+pub mod floor_matches;
+mod noise;
+pub mod render;
+pub mod scene;
+mod texture;

@@ -1,0 +1,109 @@
+//! Minimal sets in simulation (KZR figures 5 and 6): the cameras of all subsets of m out of twelve motions, ranked by their predicted
+//! error, with their true errors; and bias and variance of sets of m motions.
+
+use crate::studies::figure4::{Condition, scene};
+use crate::subsets::rank_subsets;
+use groundcal::synthetic::bound::{HeightModel, cramer_rao_bound};
+use groundcal::{
+    geometry::frame::Frame,
+    numerics::{linalg::ComplexPoint, statistics::spearman},
+    pairs::{
+        circular_points::from_homography,
+        refine::{RefineOptions, refine},
+    },
+    select::attitude_groups::{Motion, Sides},
+    start::{
+        absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
+        linear_camera::CameraOptions,
+    },
+};
+
+/// Motions of a scene.
+pub const MOTIONS: usize = 12;
+/// Motions of a subset: zero skew needs two.
+pub const SIZES: [usize; 4] = [2, 3, 4, 6];
+/// Parts of equal size into which the ranked subsets are divided.
+pub const PARTS: usize = 20;
+
+/// One subset.
+#[derive(Debug, Clone, Copy)]
+pub struct Ranked {
+    /// Predicted relative standard deviation of fx; infinite without a camera.
+    pub predicted: f64,
+    /// Relative error of fx of the covariance-weighted camera; `None`: refused.
+    pub weighted: Option<f64>,
+    /// Relative error of fx of the paper's linear camera, all equations with one weight; `None`: no real camera.
+    pub linear: Option<f64>,
+}
+
+/// All subsets of one size in one scene, the surest first.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// The subsets.
+    pub ranked: Vec<Ranked>,
+    /// Spearman's rank correlation of predicted and true error over the subsets with a camera.
+    pub correlation: f64,
+    /// The first `size` motions alone: independent from scene to scene.
+    pub first: Ranked,
+    /// Cramér-Rao bound (free height, as the linear methods have it) of those, relative; `None`: not determined.
+    pub bound: Option<f64>,
+}
+
+/// All subsets of `size` in the scene of a trial: zero skew, nominal condition, 200 matches a motion.
+pub fn trial(size: usize, seed: u64, number: u64) -> Option<Trial> {
+    let condition = Condition { motions: MOTIONS, ..Condition::default() };
+    let scene = scene(&condition, seed, number);
+    let frame = Frame::new(scene.size, None);
+    let pairs = scene.pairs();
+    let motions: Vec<Motion> = pairs
+        .iter()
+        .map(|p| {
+            let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).ok()?;
+            let geometry = from_homography(&h).ok()?;
+            Some(Motion { from: p.pair.from, to: p.pair.to, geometry, sides: Sides::One })
+        })
+        .collect::<Option<_>>()?;
+    let options = CameraOptions {
+        constraint: Constraint::ZeroSkew,
+        aspect: 1.0,
+        aspect_sigma: 1.0,
+        principal_point_sigma_px: scene.size.width as f64,
+        given: Vec::new(),
+        attitude_sigma_rad: 0.0,
+        estimate_attitude_sigma: false,
+    };
+    let fx = scene.intrinsics.fx;
+    let relative = |found: f64| Some(found / fx - 1.0).filter(|e: &f64| e.is_finite());
+    let subsets = rank_subsets(&motions, &frame, &options, size).ok()?;
+    let ranked: Vec<(bool, Ranked)> = subsets
+        .iter()
+        .map(|s| {
+            let points: Vec<ComplexPoint> =
+                s.motions.iter().map(|&i| motions[i].geometry.circular_point.point).collect();
+            let linear = solve_unweighted(&points, Constraint::ZeroSkew, 1.0).ok();
+            let ranked = Ranked {
+                predicted: s.predicted_sigma(),
+                weighted: s.camera.as_ref().ok().and_then(|c| relative(c.intrinsics.fx)),
+                linear: linear.and_then(|p| relative(frame.intrinsics_to_pixel(&intrinsics_of(&p)).fx)),
+            };
+            (s.motions.iter().copied().eq(0..size), ranked)
+        })
+        .collect();
+    let (predicted, errors): (Vec<f64>, Vec<f64>) =
+        ranked.iter().filter_map(|(_, r)| Some((r.predicted, r.weighted?.abs()))).unzip();
+    let first = ranked.iter().find(|(is_first, _)| *is_first)?.1;
+    let of_first: Vec<_> =
+        scene.motions[..size].iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
+    let bound = cramer_rao_bound(&scene.intrinsics, &of_first, 1.0, Constraint::ZeroSkew, HeightModel::Free);
+    Some(Trial {
+        ranked: ranked.into_iter().map(|r| r.1).collect(),
+        correlation: spearman(&predicted, &errors),
+        first,
+        bound: bound.map(|b| b[(0, 0)].sqrt() / fx),
+    })
+}
+
+/// The part of the ranking, 0 to [`PARTS`] - 1, that place `index` of `count` belongs to.
+pub fn part(index: usize, count: usize) -> usize {
+    index * PARTS / count.max(1)
+}

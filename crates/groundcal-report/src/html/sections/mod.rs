@@ -1,0 +1,143 @@
+//! The sections of the page, each a figure or table with a sentence on how to read it.
+
+mod attitudes;
+mod camera;
+mod floor;
+mod motions;
+mod residuals;
+mod tables;
+
+use groundcal::result::Calibration;
+
+use crate::html::{
+    model::Model,
+    pictures::Pictures,
+    svg::{escape, fixed},
+};
+
+/// The page's title.
+pub fn title(c: &Calibration) -> String {
+    format!("Camera, fx = {} px, from {} images", fixed(c.camera.fx, 1), c.evidence.images.len())
+}
+
+/// Everything between `<body>` and the scripts.
+pub fn write(page: &mut String, c: &Calibration, model: &Model, pictures: &Pictures) {
+    let mut sections: Vec<(&str, &str, String)> = vec![
+        ("warnings", "Warnings", warnings(model)),
+        ("camera", "Camera", camera::section(c, model)),
+        ("motions", "Motions", motions::section(model, c, pictures)),
+    ];
+    if let Some(residuals) = &model.residuals {
+        sections.push(("residuals", "Residuals", residuals::section(c, residuals)));
+    }
+    if !model.floor.is_empty() {
+        sections.push(("floor", "Views over the floor", floor::section(model)));
+    }
+    if let Some(conic) = &model.conic {
+        sections.push(("attitudes", "Attitudes and the absolute conic", attitudes::section(c, conic)));
+    }
+    sections.push(("tables", "All numbers", tables::section(c)));
+    page.push_str("<a class=\"skip\" href=\"#main\">Skip to the content</a>\n<header>\n");
+    page.push_str(&headline(c, model));
+    page.push_str("<nav aria-label=\"Sections\"><ul>");
+    for (id, name, _) in &sections {
+        page.push_str(&format!("<li><a href=\"#{id}\">{name}</a></li>"));
+    }
+    page.push_str("</ul></nav>\n</header>\n");
+    page.push_str(&motions::definitions(pictures));
+    page.push_str("<main id=\"main\">\n");
+    for (id, name, content) in &sections {
+        page.push_str(&format!(
+            "<section id=\"{id}\" aria-labelledby=\"h-{id}\">\n<h2 id=\"h-{id}\">{name}</h2>\n{content}</section>\n"
+        ));
+    }
+    page.push_str(&format!(
+        "</main>\n<footer><p>groundcal {}. Pixel (0, 0) is the centre of the top-left pixel. Lengths on the floor are in heights of \
+         the camera named.</p></footer>\n",
+        env!("CARGO_PKG_VERSION")
+    ));
+}
+
+fn headline(c: &Calibration, model: &Model) -> String {
+    let sigma = c.standard_deviation.fx;
+    let f = match sigma {
+        Some(s) => format!(
+            "fx = {} \u{b1} {} px ({} %)",
+            fixed(c.camera.fx, decimals(s)),
+            fixed(s, decimals(s)),
+            fixed(100.0 * s / c.camera.fx, 3)
+        ),
+        None => format!("fx = {} px, held", fixed(c.camera.fx, 2)),
+    };
+    let used = c.motions.iter().filter(|m| m.used).count();
+    let [w, h] = c.camera.image_size;
+    let warned = match model.warnings.len() {
+        0 => "no warnings".to_string(),
+        1 => "<a href=\"#warnings\">1 warning</a>".to_string(),
+        n => format!("<a href=\"#warnings\">{n} warnings</a>"),
+    };
+    format!(
+        "<h1>Camera calibration</h1>\n<p class=\"lead\"><strong>{f}</strong></p>\n\
+         <p>{} images of {w} \u{d7} {h} px, {used} of {} pairs used as motions, {} attitude{}; constraint {}, {}; {warned}.</p>\n",
+        c.evidence.images.len(),
+        c.motions.len(),
+        c.attitudes.len(),
+        if c.attitudes.len() == 1 { "" } else { "s" },
+        escape(&c.constraint),
+        if c.method == "joint" { "joint refinement" } else { "linear method" },
+    )
+}
+
+/// Decimals that show two digits of a standard deviation.
+pub fn decimals(sigma: f64) -> usize {
+    if sigma > 0.0 && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize } else { 3 }
+}
+
+fn warnings(model: &Model) -> String {
+    if model.warnings.is_empty() {
+        return "<p>None.</p>\n".into();
+    }
+    let items: String = model
+        .warnings
+        .iter()
+        .map(|w| format!("<li><strong><code>{}</code></strong> {}.</li>\n", w.code, escape(&w.message)))
+        .collect();
+    format!("<ul class=\"warnings\">\n{items}</ul>\n")
+}
+
+/// A figure with its caption (plain text).
+pub fn figure(class: &str, content: &str, caption: &str) -> String {
+    format!("<figure class=\"{class}\">{content}<figcaption>{}</figcaption></figure>\n", escape(caption))
+}
+
+/// A table; the first column is the row's heading.
+pub fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> String {
+    let head: String = heads.iter().map(|h| format!("<th scope=\"col\">{}</th>", escape(h))).collect();
+    let body: String = rows
+        .iter()
+        .map(|row| {
+            let cells: String = row
+                .iter()
+                .enumerate()
+                .map(|(i, v)| match i {
+                    0 => format!("<th scope=\"row\">{}</th>", escape(v)),
+                    _ => format!("<td>{}</td>", escape(v)),
+                })
+                .collect();
+            format!("<tr>{cells}</tr>\n")
+        })
+        .collect();
+    format!(
+        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table><caption>{0}</caption>\n\
+         <thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table></div>\n",
+        escape(caption)
+    )
+}
+
+/// A value and its deviation with two digits of it.
+pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
+    match sigma {
+        Some(s) if s > 0.0 => format!("{} \u{b1} {}", fixed(value, decimals(s)), fixed(s, decimals(s))),
+        _ => fixed(value, 4),
+    }
+}

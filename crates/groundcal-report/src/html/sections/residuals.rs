@@ -1,0 +1,184 @@
+//! Residuals against the radius, over the image plane, per image.
+
+use std::fmt::Write;
+
+use groundcal::result::Calibration;
+
+use crate::html::sections::{camera::axes, decimals, figure, table};
+use crate::html::{
+    model::residuals::{Field, Residuals, Ring},
+    svg::{Anchor, Scale, Svg, arrow, decimals_of, fixed, nice_step},
+};
+
+/// Images whose residuals are drawn one by one.
+const DRAWN: usize = 40;
+/// Deviations from which on a mean is drawn bold.
+const BOLD: f64 = 3.0;
+/// Residuals so many times as large as those of single homographies are not explained.
+const MANY_TIMES: f64 = 2.5;
+
+pub fn section(c: &Calibration, r: &Residuals) -> String {
+    let verdict = if r.radial_significance > 4.0 {
+        format!(
+            "<p class=\"note\"><strong>Something that depends on the radius is left:</strong> {} px outwards in one ring, {} standard \
+             deviations. Usual causes: a lens model that is too simple (see <code>--distortion</code>), or a floor that is not flat.</p>\n",
+            fixed(r.radial_px, 3),
+            fixed(r.radial_significance, 1)
+        )
+    } else {
+        format!(
+            "<p>No ring about the principal point has a mean radial residual of more than {} standard deviations: nothing is left \
+             that a better lens model would explain.</p>\n",
+            fixed(r.radial_significance.max(0.1), 1)
+        )
+    };
+    let mut out = verdict;
+    let [patches, points] = r.times_own;
+    let kinds = [("patches", patches), ("points", points)].into_iter().filter_map(|(kind, t)| Some((kind, t?)));
+    let times: Vec<String> = kinds.map(|(kind, t)| format!("{} times ({kind})", fixed(t, 2))).collect();
+    // Features of images have errors of their own that patches have not: patches tell, where there are any.
+    let worst = patches.or(points).unwrap_or(1.0);
+    let text = format!(
+        "Residuals are {} as large as those about a homography of each pair's own (1: the camera explains them as well)",
+        times.join(" and ")
+    );
+    if worst > MANY_TIMES {
+        let _ = writeln!(
+            out,
+            "<p class=\"note\"><strong>The model does not explain the matches:</strong> {text}. A motion is wrong, or the lens model too simple.</p>"
+        );
+    } else if !times.is_empty() {
+        let _ = writeln!(out, "<p>{text}.</p>");
+    }
+    out.push_str("<div class=\"figures\">\n");
+    out.push_str(&against_radius(&r.rings));
+    let longest = longest(&r.all, false);
+    out.push_str(&figure(
+        "half",
+        &field(&r.all, c, "All images", longest, 520.0, true),
+        "Mean residuals of all images over the image plane (measured less predicted). Bold: more than three standard deviations. \
+         Arrows that point in or out together are the lens; arrows of one place a thing on the floor.",
+    ));
+    out.push_str("</div>\n<h3>Image by image</h3>\n<div class=\"small\">\n");
+    let common = longest_of_tiles(r);
+    for image in r.images.iter().take(DRAWN) {
+        let caption =
+            format!("{}: {} px rms, {} deviations", image.name, fixed(image.rms_px, 3), fixed(image.weighted_rms, 2));
+        out.push_str(&figure("tile", &field(&image.field, c, &image.name, common, 240.0, false), &caption));
+    }
+    let _ = writeln!(
+        out,
+        "</div>\n<p class=\"legend\">The longest arrows of these pictures are {} px; the same scale in all.</p>",
+        fixed(common, decimals(common))
+    );
+    if r.images.len() > DRAWN {
+        out.push_str(&format!("<p>The first {DRAWN} of {} images; all are in the table.</p>\n", r.images.len()));
+    }
+    let rows: Vec<Vec<String>> = r
+        .images
+        .iter()
+        .map(|i| {
+            vec![
+                i.name.clone(),
+                i.observations.to_string(),
+                fixed(i.rms_px, 3),
+                fixed(i.weighted_rms, 2),
+                format!("{} ({} %)", i.downweighted, fixed(100.0 * i.downweighted as f64 / i.observations as f64, 1)),
+            ]
+        })
+        .collect();
+    out.push_str(&table(
+        "Residuals of each image (deviations: as all images together show them; 1 is average, more where something does not fit)",
+        &["image", "points", "rms, px", "rms, deviations", "counted less"],
+        &rows,
+    ));
+    out
+}
+
+fn against_radius(rings: &[Ring]) -> String {
+    let (left, right, top, bottom) = (66.0, 500.0, 12.0, 300.0);
+    let farthest = rings.last().map_or(1.0, |r| r.radius_px[1]);
+    let most = rings
+        .iter()
+        .flat_map(|r| [r.radial_px, r.tangential_px].map(|v| v.abs() + 2.0 * r.sigma_px))
+        .fold(1e-6, f64::max);
+    let (x, y) = (Scale::new([0.0, farthest], [left, right]), Scale::new([-1.1 * most, 1.1 * most], [bottom, top]));
+    let mut svg =
+        Svg::new([0.0, 0.0, 520.0, 346.0], "plot", "Mean residual against the distance from the principal point");
+    axes(&mut svg, &x, &y, [left, right, top, bottom], "distance from the principal point, px", "mean residual, px");
+    for r in rings {
+        let [u, v] = [x.at(r.at_px) - 4.0, x.at(r.at_px) + 4.0];
+        let bar = |value: f64| [y.at(value - 2.0 * r.sigma_px), y.at(value + 2.0 * r.sigma_px)];
+        let [low, high] = bar(r.tangential_px);
+        svg.line("second", [v, low], [v, high]);
+        svg.rect("second open", [v - 4.0, y.at(r.tangential_px) - 4.0], [8.0, 8.0]);
+        let [low, high] = bar(r.radial_px);
+        svg.line("first", [u, low], [u, high]);
+        svg.circle("first dot", [u, y.at(r.radial_px)], 4.5);
+    }
+    let legend = "<p class=\"legend\"><svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><circle class=\"first dot\" cx=\"7\" cy=\"7\" r=\"4.5\"/></svg> \
+                  outwards <svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><rect class=\"second open\" x=\"3\" y=\"3\" width=\"8\" height=\"8\"/></svg> \
+                  across (clockwise)</p>";
+    figure(
+        "half",
+        &format!("{}{legend}", svg.finish()),
+        "Mean residual in rings about the principal point with equally many points, bars of two standard deviations. A curve of the \
+         circles away from zero is distortion left over.",
+    )
+}
+
+/// Length of the longest mean residual, of all or of those that are no chance (then possibly none: 0).
+fn longest(field: &Field, bold_only: bool) -> f64 {
+    let lengths = |least: f64| {
+        let cells = field.cells.iter().map(|c| (c.mean_px[0].hypot(c.mean_px[1]), c.sigma_px));
+        cells.filter(move |(length, sigma)| *length >= least * sigma).map(|(length, _)| length).fold(0.0, f64::max)
+    };
+    let bold = lengths(BOLD);
+    if bold_only { bold } else { lengths(0.0).max(1e-6) }
+}
+
+/// The same for the images one by one, the few longest apart.
+fn longest_of_tiles(r: &Residuals) -> f64 {
+    const PART: f64 = 0.97;
+    let bold = r.images.iter().map(|i| longest(&i.field, true)).fold(0.0, f64::max);
+    let mut lengths: Vec<f64> =
+        r.images.iter().flat_map(|i| i.field.cells.iter().map(|c| c.mean_px[0].hypot(c.mean_px[1]))).collect();
+    lengths.sort_by(f64::total_cmp);
+    let most = lengths.get((PART * lengths.len() as f64) as usize).copied().unwrap_or(1e-6);
+    most.max(0.3 * bold).max(1e-6)
+}
+
+/// Mean residuals as arrows; `longest` pixels of residual are as long as a cell.
+fn field(f: &Field, c: &Calibration, name: &str, longest: f64, width: f64, key: bool) -> String {
+    let [w, h] = c.camera.image_size.map(|s| s as f64);
+    let scale = (width - 20.0) / w;
+    let cell = (width - 20.0) / f.cells_xy[0].max(1) as f64;
+    let magnified = 0.95 * cell / longest;
+    let height = h * scale + 20.0;
+    let extra = if key { 34.0 } else { 0.0 };
+    let mut svg =
+        Svg::new([0.0, 0.0, width, height + extra], "plot", &format!("{name}: mean residuals over the image"));
+    svg.rect("frame", [10.0, 10.0], [w * scale, h * scale]);
+    let at = |p: [f64; 2]| [10.0 + (p[0] + 0.5) * scale, 10.0 + (p[1] + 0.5) * scale];
+    let [px, py] = at([c.camera.cx, c.camera.cy]);
+    svg.line("zero", [px - 6.0, py], [px + 6.0, py]);
+    svg.line("zero", [px, py - 6.0], [px, py + 6.0]);
+    for cell_mean in &f.cells {
+        let [mx, my] = cell_mean.mean_px;
+        let length = mx.hypot(my);
+        // What strays beyond the common scale would hide its neighbours.
+        let factor = magnified * (longest / length.max(1e-12)).min(1.0);
+        let from = at(cell_mean.at);
+        let bold = length > BOLD * cell_mean.sigma_px;
+        svg.path(if bold { "arrow bold" } else { "arrow" }, &arrow(from, [mx * factor, my * factor], 6.0));
+        svg.circle("pin", from, 1.2);
+    }
+    if key {
+        let unit = nice_step(longest * 0.5);
+        let text = format!("{} px", fixed(unit, decimals_of(unit)));
+        svg.path("arrow bold", &arrow([14.0, height + 18.0], [unit * magnified, 0.0], 6.0));
+        svg.text("tick", [24.0 + unit * magnified, height + 22.0], Anchor::Start, &text);
+        svg.text("tick", [width - 10.0, height + 22.0], Anchor::End, "cross: principal point");
+    }
+    svg.finish()
+}

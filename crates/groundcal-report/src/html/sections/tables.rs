@@ -1,0 +1,104 @@
+//! Plain tables: views, pairs, covariance.
+
+use groundcal::result::Calibration;
+
+use crate::html::sections::{table, with_sigma};
+use crate::html::svg::fixed;
+
+/// Pairs listed one by one; the rest is counted.
+const LISTED: usize = 400;
+
+pub fn section(c: &Calibration) -> String {
+    let mut out = String::new();
+    if !c.views.is_empty() {
+        out.push_str(&views(c));
+    }
+    out.push_str(&pairs(c));
+    out.push_str(&covariance(c));
+    out
+}
+
+fn views(c: &Calibration) -> String {
+    let rows: Vec<Vec<String>> = c
+        .views
+        .iter()
+        .map(|v| {
+            let coordinate =
+                |i: usize| v.position.map_or("\u{2013}".into(), |p| with_sigma(p[i], v.position_sigma.map(|s| s[i])));
+            let number = c.evidence.images.iter().position(|n| *n == v.image).map_or(0, |i| i + 1);
+            vec![
+                number.to_string(),
+                v.image.clone(),
+                v.origin.clone(),
+                with_sigma(v.yaw_deg, Some(v.yaw_sigma_deg)),
+                fixed(v.pitch_down_deg, 3),
+                fixed(v.roll_deg, 3),
+                coordinate(0),
+                coordinate(1),
+                coordinate(2),
+                v.observations.to_string(),
+            ]
+        })
+        .collect();
+    table(
+        "Views: position and heading over the floor, below the origin's camera, +X along its heading, Z up, unit its height",
+        &["no.", "image", "origin", "heading, deg", "pitch down, deg", "roll, deg", "x", "y", "height", "points"],
+        &rows,
+    )
+}
+
+fn pairs(c: &Calibration) -> String {
+    let number = |v: Option<f64>, sigma: Option<f64>| v.map_or("\u{2013}".into(), |v| with_sigma(v, sigma));
+    let mut order: Vec<usize> = (0..c.motions.len()).collect();
+    order.sort_by_key(|&i| (!c.motions[i].used, !c.motions[i].tie, c.motions[i].rotation_deg.is_none(), i));
+    let rows: Vec<Vec<String>> = order
+        .iter()
+        .take(LISTED)
+        .map(|&i| {
+            let m = &c.motions[i];
+            let role = if m.used {
+                "motion"
+            } else if m.tie {
+                "tie"
+            } else {
+                "not used"
+            };
+            vec![
+                format!("{} \u{2192} {}", m.from, m.to),
+                role.into(),
+                number(m.rotation_deg, m.rotation_sigma_deg),
+                number(m.rho, m.rho_sigma),
+                format!("{} of {}", m.matches, m.candidate_matches),
+                m.rms_px.map_or("\u{2013}".into(), |v| fixed(v, 3)),
+                m.reason.clone().unwrap_or_default(),
+            ]
+        })
+        .collect();
+    let mut out = table(
+        "Pairs of images (turn: of the camera, anticlockwise seen from above; rho: height of the second view over that of the first)",
+        &["pair", "part", "turn, deg", "rho", "matches", "rms, px", "why not"],
+        &rows,
+    );
+    out = format!("<div id=\"pairs\">{out}</div>\n");
+    if c.motions.len() > LISTED {
+        out.push_str(&format!(
+            "<p>{LISTED} of {} pairs are listed; all are in calibration.json.</p>\n",
+            c.motions.len()
+        ));
+    }
+    out
+}
+
+fn covariance(c: &Calibration) -> String {
+    let names = c.covariance.parameters;
+    let free: Vec<usize> = (0..names.len()).filter(|&i| c.covariance.matrix[i][i] > 0.0).collect();
+    let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|&i| names[i])).collect();
+    let rows: Vec<Vec<String>> = free
+        .iter()
+        .map(|&r| {
+            let values = free.iter().map(|&k| format!("{:.3e}", c.covariance.matrix[r][k]).replace('-', "\u{2212}"));
+            [names[r].to_string()].into_iter().chain(values).collect()
+        })
+        .collect();
+    table("Covariance of the camera's numbers (pixels squared; k1, k2 without unit)", &heads, &rows)
+}

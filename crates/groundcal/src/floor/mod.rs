@@ -1,0 +1,5 @@
+//! Pixels and points of the floor; bird's-eye and undistorted pictures.
+
+pub mod rectify;
+pub mod undistort;
+pub mod view;

@@ -1,0 +1,397 @@
+//! The floor that a view sees: between pixels and points of the plane, with the lens; what part of it is seen; grids on it.
+//!
+//! ```text
+//! image from floor   x ~ K R [e1 e2 -c] (X, Y, 1)ᵀ
+//! floor from image   (X, Y, 1)ᵀ ~ | h  0  -c_x |
+//!                                 | 0  h  -c_y | Rᵀ K⁻¹ x,     c = (c_x, c_y, h)
+//!                                 | 0  0  -1   |
+//! ```
+//!
+//! Both matrices act on *ideal* pixels, those of a lens without distortion; [`FloorView::pixel_from_floor`] and
+//! [`FloorView::floor_from_pixel`] include the lens. The third coordinate is positive in front of the camera, and below the
+//! horizon. Pixel (0, 0) is the centre of the top-left pixel; the floor is Z = 0 and has the unit of the view's centre.
+
+use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
+
+use crate::{
+    error::Error,
+    geometry::{
+        attitude::{angles_from_rotation, rotation_cam_from_world},
+        distortion::Distortion,
+        intrinsics::Intrinsics,
+        plane_view::View,
+        size::ImageSize,
+    },
+    refine::VIEW_NUMBERS,
+    result::{Camera, ViewReport},
+};
+
+/// Sides of the polygon that stands for the circle of the largest distance.
+const CIRCLE_SIDES: usize = 128;
+/// Points on each side of the image whose rays make the outline of the floor seen.
+const BORDER_POINTS: usize = 48;
+
+/// A camera over the floor, ready to map points both ways.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FloorView {
+    intrinsics: Intrinsics,
+    distortion: Distortion,
+    rotation: Matrix3<f64>,
+    centre: Vector3<f64>,
+}
+
+impl FloorView {
+    /// A view by a camera.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] when a number is not finite or the optical centre is not above the floor.
+    pub fn new(intrinsics: &Intrinsics, distortion: &Distortion, view: &View) -> Result<Self, Error> {
+        let k = intrinsics;
+        let finite = k.matrix().iter().chain(view.centre.iter()).all(|v| v.is_finite())
+            && [view.pitch_down_rad, view.roll_rad, view.yaw_rad].iter().all(|v| v.is_finite())
+            && [distortion.k1, distortion.k2, distortion.p1, distortion.p2].iter().all(|v| v.is_finite());
+        if !finite || k.fx <= 0.0 || k.fy <= 0.0 {
+            return Err(Error::InvalidInput(
+                "a view's camera and pose must be finite, its focal lengths positive".into(),
+            ));
+        }
+        if view.centre.z <= 0.0 {
+            return Err(Error::InvalidInput(format!(
+                "an optical centre at height {}: not above the floor",
+                view.centre.z
+            )));
+        }
+        Ok(Self {
+            intrinsics: *k,
+            distortion: *distortion,
+            rotation: rotation_cam_from_world(view.pitch_down_rad, view.roll_rad, view.yaw_rad),
+            centre: view.centre,
+        })
+    }
+
+    /// A view of a calibration, in the floor's unit of its positions.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] when the view has no position (a camera that turns on the spot before a distant scene).
+    pub fn of_report(camera: &Camera, view: &ViewReport) -> Result<Self, Error> {
+        let position = view.position.ok_or_else(|| {
+            Error::InvalidInput(format!("{} has no position over a floor: its scene is directions only", view.image))
+        })?;
+        let pose = View {
+            pitch_down_rad: view.pitch_down_deg.to_radians(),
+            roll_rad: view.roll_deg.to_radians(),
+            yaw_rad: view.yaw_deg.to_radians(),
+            centre: Vector3::from(position),
+        };
+        Self::new(&camera.intrinsics(), &camera.lens(), &pose)
+    }
+
+    /// The camera matrix.
+    pub fn intrinsics(&self) -> &Intrinsics {
+        &self.intrinsics
+    }
+
+    /// The lens.
+    pub fn distortion(&self) -> &Distortion {
+        &self.distortion
+    }
+
+    /// Optical centre: x, y, height.
+    pub fn centre(&self) -> &Vector3<f64> {
+        &self.centre
+    }
+
+    /// Camera from world coordinates.
+    pub fn rotation_cam_from_world(&self) -> &Matrix3<f64> {
+        &self.rotation
+    }
+
+    /// The point of the floor below the optical centre.
+    pub fn foot(&self) -> Vector2<f64> {
+        self.centre.xy()
+    }
+
+    /// Unit vector on the floor along the heading: that of the optical axis, or of the image's upward direction for a camera that
+    /// looks straight down.
+    pub fn heading(&self) -> Vector2<f64> {
+        let axis = self.rotation.row(2).transpose().xy();
+        let up = -self.rotation.row(1).transpose().xy();
+        let level = if axis.norm() > 1e-6 { axis } else { up };
+        level.try_normalize(0.0).unwrap_or(Vector2::x())
+    }
+
+    /// Ideal pixels from points of the floor, homogeneous; the third coordinate is the depth.
+    pub fn image_from_floor(&self) -> Matrix3<f64> {
+        let [x, y] = [0, 1].map(|i| self.rotation.column(i).into_owned());
+        self.intrinsics.matrix() * Matrix3::from_columns(&[x, y, -(self.rotation * self.centre)])
+    }
+
+    /// Points of the floor from ideal pixels, homogeneous; the third coordinate is positive below the horizon.
+    pub fn floor_from_image(&self) -> Matrix3<f64> {
+        self.floor_from_ray() * self.intrinsics.inverse_matrix()
+    }
+
+    /// Points of the floor from rays in camera coordinates.
+    fn floor_from_ray(&self) -> Matrix3<f64> {
+        let c = &self.centre;
+        Matrix3::new(c.z, 0.0, -c.x, 0.0, c.z, -c.y, 0.0, 0.0, -1.0) * self.rotation.transpose()
+    }
+
+    /// The pixel at which a point of the floor is seen; `None` behind the camera or beyond the lens's fold. It may lie outside the
+    /// image.
+    pub fn pixel_from_floor(&self, point: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let x = self.rotation * (Vector3::new(point.x, point.y, 0.0) - self.centre);
+        if x.z <= 1e-9 * x.norm() {
+            return None;
+        }
+        let n = Vector2::new(x.x / x.z, x.y / x.z);
+        self.distortion
+            .is_one_to_one_at(&n)
+            .then(|| self.intrinsics.pixel_from_normalised(&self.distortion.distort(&n)))
+    }
+
+    /// The point of the floor seen at a pixel; `None` at or above the horizon, or where the lens model folds over.
+    pub fn floor_from_pixel(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let q = self.floor_from_ray() * self.ray(pixel)?;
+        (q.z > 1e-12 * q.norm()).then(|| Vector2::new(q.x / q.z, q.y / q.z))
+    }
+
+    /// The ray (z = 1) of a pixel in camera coordinates.
+    fn ray(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
+        let n = self.distortion.undistort(&self.intrinsics.normalised_from_pixel(pixel))?;
+        Some(Vector3::new(n.x, n.y, 1.0))
+    }
+
+    /// Outline of the floor within `max_distance` of [`Self::foot`] (floor units) that an image of a size sees: corners in order
+    /// round it, not closed; empty when it sees none. Clipped in homogeneous coordinates, so that the horizon needs no care: the
+    /// half planes that make the circle leave nothing of it.
+    pub fn seen_floor(&self, size: ImageSize, max_distance: f64) -> Vec<Vector2<f64>> {
+        let floor_from_ray = self.floor_from_ray();
+        let outline = border(size);
+        let mut polygon: Vec<Vector3<f64>> =
+            outline.iter().filter_map(|p| self.ray(p)).map(|r| floor_from_ray * r).collect();
+        let foot = self.foot();
+        // An inscribed polygon would cut the circle; this one touches it from outside by less than 0.1 %.
+        for i in 0..CIRCLE_SIDES {
+            let (sin, cos) = (std::f64::consts::TAU * i as f64 / CIRCLE_SIDES as f64).sin_cos();
+            let side = Vector3::new(-cos, -sin, max_distance + cos * foot.x + sin * foot.y);
+            polygon = clipped(&polygon, &side);
+        }
+        polygon.iter().filter(|q| q.z > 0.0).map(|q| Vector2::new(q.x / q.z, q.y / q.z)).collect()
+    }
+}
+
+/// How far each number of [`FloorView::derivative_by_numbers`] is moved for the difference, relative to a pixel or one.
+const STEP: f64 = 1e-6;
+
+impl FloorView {
+    /// Derivative of something made of a view by the numbers of [`ViewReport::covariance`]: fx, fy, cx, cy, skew (pixels), k1, k2,
+    /// pitch, roll, yaw (radians), x, y, height. Central differences.
+    pub fn derivative_by_numbers<const N: usize>(
+        &self,
+        value: impl Fn(&Self) -> SVector<f64, N>,
+    ) -> SMatrix<f64, N, VIEW_NUMBERS> {
+        let (pitch, roll, yaw) = angles_from_rotation(&self.rotation);
+        let moved = |i: usize, step: f64| {
+            let mut m = self.clone();
+            let (k, d) = (&mut m.intrinsics, &mut m.distortion);
+            let mut angles = [pitch, roll, yaw];
+            match i {
+                0 => k.fx += step,
+                1 => k.fy += step,
+                2 => k.cx += step,
+                3 => k.cy += step,
+                4 => k.skew += step,
+                5 => d.k1 += step,
+                6 => d.k2 += step,
+                7..=9 => angles[i - 7] += step,
+                _ => m.centre[i - 10] += step,
+            }
+            if (7..=9).contains(&i) {
+                m.rotation = rotation_cam_from_world(angles[0], angles[1], angles[2]);
+            }
+            value(&m)
+        };
+        let mut by = SMatrix::<f64, N, VIEW_NUMBERS>::zeros();
+        for i in 0..VIEW_NUMBERS {
+            let h = if i < 5 { STEP * self.intrinsics.fx } else { STEP };
+            by.set_column(i, &((moved(i, h) - moved(i, -h)) / (2.0 * h)));
+        }
+        by
+    }
+
+    /// Derivative of [`Self::floor_from_pixel`] by the same numbers; with their covariance it gives the error bars of points and
+    /// distances on the floor. `None` where no floor is seen.
+    pub fn floor_point_jacobian(&self, pixel: &Vector2<f64>) -> Option<SMatrix<f64, 2, VIEW_NUMBERS>> {
+        self.floor_from_pixel(pixel)?;
+        // What falls off the lens's edge within the step has no derivative.
+        let nowhere = Vector2::repeat(f64::NAN);
+        let by = self.derivative_by_numbers(|v| v.floor_from_pixel(pixel).unwrap_or(nowhere));
+        by.iter().all(|v| v.is_finite()).then_some(by)
+    }
+}
+
+/// The image's outline: the outer edges of its pixels, clockwise as shown.
+fn border(size: ImageSize) -> Vec<Vector2<f64>> {
+    let (w, h) = (size.width as f64, size.height as f64);
+    let corners = [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)].map(|(x, y)| Vector2::new(x - 0.5, y - 0.5));
+    (0..4)
+        .flat_map(|i| {
+            let (a, b) = (corners[i], corners[(i + 1) % 4]);
+            (0..BORDER_POINTS).map(move |k| a + (b - a) * (k as f64 / BORDER_POINTS as f64))
+        })
+        .collect()
+}
+
+/// What of a polygon in homogeneous coordinates lies where `side · q >= 0` (Sutherland and Hodgman 1974).
+fn clipped(polygon: &[Vector3<f64>], side: &Vector3<f64>) -> Vec<Vector3<f64>> {
+    let mut kept = Vec::with_capacity(polygon.len() + 2);
+    for (i, q) in polygon.iter().enumerate() {
+        let next = &polygon[(i + 1) % polygon.len()];
+        let (a, b) = (side.dot(q), side.dot(next));
+        if a >= 0.0 {
+            kept.push(*q);
+        }
+        if (a >= 0.0) != (b >= 0.0) {
+            kept.push(q + (next - q) * (a / (a - b)));
+        }
+    }
+    kept
+}
+
+/// A raster on the floor, as on a map: columns along [`FloorGrid::right`], rows a quarter turn clockwise of it seen from above.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FloorGrid {
+    /// The point of the floor at the centre of the top-left pixel.
+    pub top_left: Vector2<f64>,
+    /// Unit vector of the columns' direction on the floor.
+    pub right: Vector2<f64>,
+    /// Side of a pixel, floor units.
+    pub unit_per_px: f64,
+    /// Columns and rows.
+    pub size: ImageSize,
+}
+
+impl FloorGrid {
+    /// The smallest grid of a direction and a side of pixels that covers points of the floor. Pixel centres lie at whole
+    /// multiples of the side from the floor's origin, so that grids of one direction and side fit together. `None` without points,
+    /// or where columns or rows would be too many to count.
+    pub fn covering(points: &[Vector2<f64>], right: &Vector2<f64>, unit_per_px: f64) -> Option<Self> {
+        let right = right.try_normalize(0.0)?;
+        let down = Vector2::new(right.y, -right.x);
+        let along = |axis: &Vector2<f64>| {
+            let all = points.iter().map(|p| p.dot(axis) / unit_per_px);
+            let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+            let (first, last) = ((low + 0.5).floor(), (high + 0.5).floor());
+            let count = last - first + 1.0;
+            // Also refuses what is not a number.
+            (1.0..1e9).contains(&count).then_some((first, count as usize))
+        };
+        let ((x, width), (y, height)) = (along(&right)?, along(&down)?);
+        let top_left = (right * x + down * y) * unit_per_px;
+        Some(Self { top_left, right, unit_per_px, size: ImageSize::new(width, height) })
+    }
+
+    /// Direction of the rows on the floor.
+    pub fn down(&self) -> Vector2<f64> {
+        Vector2::new(self.right.y, -self.right.x)
+    }
+
+    /// The point of the floor at a pixel of the grid.
+    pub fn floor_from_pixel(&self, pixel: &Vector2<f64>) -> Vector2<f64> {
+        self.top_left + (self.right * pixel.x + self.down() * pixel.y) * self.unit_per_px
+    }
+
+    /// The pixel of the grid at a point of the floor.
+    pub fn pixel_from_floor(&self, point: &Vector2<f64>) -> Vector2<f64> {
+        let d = (point - self.top_left) / self.unit_per_px;
+        Vector2::new(d.dot(&self.right), d.dot(&self.down()))
+    }
+
+    /// [`Self::floor_from_pixel`] as a matrix on homogeneous pixels.
+    pub fn floor_from_pixel_matrix(&self) -> Matrix3<f64> {
+        let (r, d, o) = (self.right * self.unit_per_px, self.down() * self.unit_per_px, self.top_left);
+        Matrix3::new(r.x, d.x, o.x, r.y, d.y, o.y, 0.0, 0.0, 1.0)
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> u64 {
+        self.size.width as u64 * self.size.height as u64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::plane_view::project;
+
+    fn example() -> (FloorView, View, Intrinsics) {
+        let k = Intrinsics { fx: 700.0, fy: 710.0, cx: 400.0, cy: 310.0, skew: 1.0 };
+        let view = View { pitch_down_rad: 0.5, roll_rad: 0.2, yaw_rad: -2.0, centre: Vector3::new(0.3, -0.7, 1.2) };
+        let lens = Distortion { k1: -0.15, k2: 0.03, p1: 1e-3, p2: -5e-4 };
+        (FloorView::new(&k, &lens, &view).unwrap(), view, k)
+    }
+
+    #[test]
+    fn homographies_are_those_of_the_projection_and_inverses() {
+        let (floor, view, k) = example();
+        let product = floor.image_from_floor() * floor.floor_from_image();
+        assert!((product / product[(2, 2)] - Matrix3::identity()).norm() < 1e-9);
+        let point = floor.foot() + floor.heading() * 1.7 + Vector2::new(0.1, 0.2);
+        let q = floor.image_from_floor() * point.push(1.0);
+        assert!((Vector2::new(q.x / q.z, q.y / q.z) - project(&k, &view, &point).unwrap()).norm() < 1e-9);
+        let ideal = floor.floor_from_image() * Vector3::new(q.x / q.z, q.y / q.z, 1.0);
+        assert!(ideal.z > 0.0 && (Vector2::new(ideal.x / ideal.z, ideal.y / ideal.z) - point).norm() < 1e-12);
+    }
+
+    #[test]
+    fn pixels_with_the_lens_map_back() {
+        let (floor, ..) = example();
+        let pixel = Vector2::new(700.0, 500.0);
+        let point = floor.floor_from_pixel(&pixel).unwrap();
+        assert!((floor.pixel_from_floor(&point).unwrap() - pixel).norm() < 1e-8);
+        assert_eq!(floor.floor_from_pixel(&Vector2::new(400.0, -400.0)), None, "above the horizon");
+        assert_eq!(floor.pixel_from_floor(&(floor.foot() - floor.heading() * 5.0)), None, "behind the camera");
+    }
+
+    #[test]
+    fn the_floor_seen_ends_at_the_image_and_at_the_largest_distance() {
+        let (floor, ..) = example();
+        let (size, far) = (ImageSize::new(800, 600), 6.0);
+        let outline = floor.seen_floor(size, far);
+        assert!(outline.len() > 20);
+        let mut farthest: f64 = 0.0;
+        for p in &outline {
+            let distance = (p - floor.foot()).norm();
+            farthest = farthest.max(distance);
+            assert!(distance < far * 1.001);
+            let pixel = floor.pixel_from_floor(p).unwrap();
+            let inset = [pixel.x + 0.5, pixel.y + 0.5, 799.5 - pixel.x, 599.5 - pixel.y];
+            let at_border = inset.iter().any(|v| v.abs() < 0.2);
+            assert!(inset.iter().all(|v| *v > -0.2) && (at_border || distance > far * 0.9985), "{pixel} {distance}");
+        }
+        assert!(farthest > far * 0.9995, "the horizon is in the image");
+        // Looking up, nothing of the floor is seen.
+        let (_, view, k) = example();
+        let up = View { pitch_down_rad: -1.2, ..view };
+        assert!(FloorView::new(&k, &Distortion::default(), &up).unwrap().seen_floor(size, far).is_empty());
+    }
+
+    #[test]
+    fn grids_cover_their_points_and_map_back() {
+        let points = [Vector2::new(-1.03, 2.0), Vector2::new(3.4, 0.2), Vector2::new(0.0, 5.111)];
+        let grid = FloorGrid::covering(&points, &Vector2::new(0.6, 0.8), 0.01).unwrap();
+        for p in &points {
+            let pixel = grid.pixel_from_floor(p);
+            let inside = |v: f64, n: usize| v > -0.501 && v < n as f64 - 0.499;
+            assert!(inside(pixel.x, grid.size.width) && inside(pixel.y, grid.size.height), "{pixel}");
+            assert!((grid.floor_from_pixel(&pixel) - p).norm() < 1e-12);
+            let q = grid.floor_from_pixel_matrix() * pixel.push(1.0);
+            assert!((q.xy() - p).norm() < 1e-12);
+        }
+        let map = FloorGrid::covering(&points, &Vector2::x(), 0.01).unwrap();
+        assert_eq!(map.size, ImageSize::new(444, 492));
+        assert!(map.down().y < 0.0, "Y points up on the map");
+        assert_eq!(FloorGrid::covering(&[], &Vector2::x(), 0.01), None);
+    }
+}

@@ -1,0 +1,11 @@
+//! Cameras, attitudes, planes: models and conventions, without estimation.
+
+pub mod attitude;
+pub mod camera_difference;
+pub mod camera_model;
+pub mod distortion;
+pub mod frame;
+pub mod homography;
+pub mod intrinsics;
+pub mod plane_view;
+pub mod size;

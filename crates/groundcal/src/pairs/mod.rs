@@ -1,0 +1,8 @@
+//! What one pair of images says: matches, homography, circular point, lens from planes.
+
+pub mod circular_points;
+pub mod correspondence;
+pub mod dlt;
+pub mod plane_lens;
+pub mod refine;
+pub mod robust;

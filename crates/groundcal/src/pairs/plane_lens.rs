@@ -1,0 +1,236 @@
+//! Radial distortion from the homographies' residuals, shared by all motions.
+//!
+//! With ideal points u(x; k1, k2, centre), every motion's matches obey u(b) ~ H u(a). The lens parameters
+//! θ = (k1, k2, x0, y0) are found by Gauss-Newton together with all homographies, each of which is eliminated:
+//!
+//! ```text
+//! A = Σ_motions ( H_θθ - H_θh H_hh⁻¹ H_hθ ) / σ²,      δθ = -(A + P)⁻¹ (g + P (θ - θ_prior))
+//! ```
+//!
+//! The coefficients act through a fixed reference focal length: k1 / f² is what the residuals see, whatever f is. A match's
+//! deviation is scaled by the lens's local magnification, so that noise stays what it was in the image.
+
+use nalgebra::{Matrix2x4, Matrix4, SMatrix, SVector, Vector2, Vector4};
+use rayon::prelude::*;
+
+use crate::{
+    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    numerics::linalg::{rows_of, sphere_tangent},
+    pairs::{
+        correspondence::PointMatch,
+        refine::{RefineOptions, linearise, refine},
+    },
+};
+
+/// A lens: coefficients, and the camera matrix through which they act.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lens {
+    /// Coefficients.
+    pub distortion: Distortion,
+    /// Focal length and centre.
+    pub intrinsics: Intrinsics,
+}
+
+impl Lens {
+    /// The pixel an ideal lens would have given.
+    pub fn ideal_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+        self.distortion.undistort_pixel(&self.intrinsics, p)
+    }
+
+    /// The pixel this lens gives for one of an ideal lens.
+    pub fn real_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let distorted = self.distortion.distort(&self.intrinsics.normalised_from_pixel(p));
+        Some(self.intrinsics.pixel_from_normalised(&distorted)).filter(|q| q.x.is_finite() && q.y.is_finite())
+    }
+
+    /// A match as an ideal lens would have given it, its deviation magnified as the lens was undone.
+    pub fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
+        let (a, b) = (self.ideal_point(&m.a)?, self.ideal_point(&m.b)?);
+        let magnification = |ideal: &Vector2<f64>| {
+            let n = self.intrinsics.normalised_from_pixel(ideal);
+            1.0 / self.distortion.distort_jacobian(&n).determinant().abs().sqrt()
+        };
+        Some(PointMatch { a, b, sigma_px: m.sigma_px * 0.5 * (magnification(&a) + magnification(&b)) })
+    }
+
+    /// The same lens with coefficients for another focal length.
+    pub fn with_focal_length(&self, f_px: f64) -> Self {
+        let ratio = (f_px / self.intrinsics.fx).powi(2);
+        let d = &self.distortion;
+        let distortion = Distortion { k1: d.k1 * ratio, k2: d.k2 * ratio * ratio, ..*d };
+        Self {
+            distortion,
+            intrinsics: Intrinsics { fx: f_px, fy: f_px * self.intrinsics.fy / self.intrinsics.fx, ..self.intrinsics },
+        }
+    }
+
+    /// The lens with (k1, k2, x0, y0) changed; the centre in units of the focal length.
+    pub fn moved(&self, step: &Vector4<f64>) -> Self {
+        let mut lens = *self;
+        lens.distortion.k1 += step[0];
+        lens.distortion.k2 += step[1];
+        lens.intrinsics.cx += step[2] * lens.intrinsics.fx;
+        lens.intrinsics.cy += step[3] * lens.intrinsics.fy;
+        lens
+    }
+}
+
+/// Priors of the lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LensPrior {
+    /// Standard deviation of k1 about 0.
+    pub k1_sigma: f64,
+    /// Standard deviation of k2 about 0.
+    pub k2_sigma: f64,
+    /// Standard deviation of the centre of distortion about the given one, in focal lengths.
+    pub centre_sigma: f64,
+}
+
+impl LensPrior {
+    fn information(&self) -> Vector4<f64> {
+        Vector4::new(self.k1_sigma, self.k2_sigma, self.centre_sigma, self.centre_sigma).map(|s| 1.0 / (s * s))
+    }
+}
+
+/// The estimated lens.
+#[derive(Debug, Clone)]
+pub struct LensEstimate {
+    /// k1 and k2 through the reference focal length, and the centre.
+    pub lens: Lens,
+    /// Covariance of (k1, k2, x0, y0), the centre in focal lengths.
+    pub covariance: Matrix4<f64>,
+}
+
+/// Gauss-Newton rounds.
+const ROUNDS: usize = 8;
+/// Matches of a motion that take part: more do not help where systematic errors rule.
+const ENOUGH: usize = 3000;
+
+/// Estimates the lens from the inliers of motions (pixels, distorted), starting at `start`, about whose centre the prior of the
+/// centre of distortion lies. `None` when nothing is determined or the lens folds over.
+pub fn estimate_lens(
+    motions: &[&[PointMatch]],
+    frame: &Frame,
+    start: &Lens,
+    prior: &LensPrior,
+) -> Option<LensEstimate> {
+    let information = prior.information();
+    let mut lens = *start;
+    let mut covariance = Matrix4::zeros();
+    for _ in 0..ROUNDS {
+        let parts: Vec<Option<(Vector4<f64>, Matrix4<f64>)>> =
+            motions.par_iter().map(|matches| reduced_equations(matches, frame, &lens)).collect();
+        let (mut gradient, mut normal) = (Vector4::zeros(), Matrix4::zeros());
+        for (g, a) in parts.into_iter().flatten() {
+            gradient += g;
+            normal += a;
+        }
+        let from_start = (lens.intrinsics.cx - start.intrinsics.cx, lens.intrinsics.cy - start.intrinsics.cy);
+        let offset = Vector4::new(
+            lens.distortion.k1,
+            lens.distortion.k2,
+            from_start.0 / start.intrinsics.fx,
+            from_start.1 / start.intrinsics.fy,
+        );
+        covariance = (normal + Matrix4::from_diagonal(&information)).try_inverse()?;
+        let step = -(covariance * (gradient + information.component_mul(&offset)));
+        lens = lens.moved(&step.zip_map(&Vector4::new(0.3, 0.5, 0.05, 0.05), |s, most| s.clamp(-most, most)));
+        if !(lens.distortion.k1.abs() < 3.0 && lens.distortion.k2.abs() < 5.0) {
+            return None;
+        }
+        if step.norm() < 1e-6 {
+            break;
+        }
+    }
+    Some(LensEstimate { lens, covariance })
+}
+
+/// Gradient and information of θ of one motion, its homography eliminated, in units of its noise.
+fn reduced_equations(matches: &[PointMatch], frame: &Frame, lens: &Lens) -> Option<(Vector4<f64>, Matrix4<f64>)> {
+    let stride = matches.len().div_ceil(ENOUGH).max(1);
+    // A point beyond the fold of a lens on the way has no ideal place; it is back when the lens is better.
+    let ideal: Vec<PointMatch> = matches.iter().step_by(stride).filter_map(|m| lens.ideal_match(m)).collect();
+    let estimate = refine(&ideal, None, frame, &RefineOptions::default()).ok()?;
+    let tangent = sphere_tangent(&rows_of(&estimate.in_frame));
+    const STEP: f64 = 1e-4;
+    let shifted: Vec<[Lens; 2]> = (0..4)
+        .map(|i| {
+            let mut step = Vector4::zeros();
+            step[i] = STEP;
+            [lens.moved(&step), lens.moved(&-step)]
+        })
+        .collect();
+    // Change of a point's ideal place with each parameter, by central differences, frame units.
+    let derivative = |p: &Vector2<f64>| -> Option<Matrix2x4<f64>> {
+        let mut d = Matrix2x4::zeros();
+        for (i, [up, down]) in shifted.iter().enumerate() {
+            let difference = up.ideal_point(p)? - down.ideal_point(p)?;
+            d.set_column(i, &(difference / (2.0 * STEP * frame.scale_px)));
+        }
+        Some(d)
+    };
+    let mut hh = SMatrix::<f64, 8, 8>::zeros();
+    let mut ht = SMatrix::<f64, 8, 4>::zeros();
+    let mut tt = Matrix4::zeros();
+    let mut gradient_t = Vector4::zeros();
+    let mut gradient_h = SVector::<f64, 8>::zeros();
+    for m in &ideal {
+        let local = PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m };
+        let l = linearise(&estimate.in_frame, &local)?;
+        let weight = l.weight / (m.sigma_px * m.sigma_px);
+        // At the corrected points: at the measured ones the derivative would share the noise of the innovation, and the
+        // products would not average to zero.
+        let [a, b] = l.corrected.map(|p| lens.real_point(&frame.to_pixel(&p)));
+        let (Some(by_a), Some(by_b)) = (a.and_then(|p| derivative(&p)), b.and_then(|p| derivative(&p))) else {
+            continue;
+        };
+        let by_lens = by_b - l.slope * by_a;
+        let by_h = -(l.by_entries * tangent);
+        hh += by_h.transpose() * weight * by_h;
+        ht += by_h.transpose() * weight * by_lens;
+        tt += by_lens.transpose() * weight * by_lens;
+        gradient_t += by_lens.transpose() * weight * l.innovation;
+        gradient_h += by_h.transpose() * weight * l.innovation;
+    }
+    let inverse = hh.try_inverse()?;
+    let noise = (estimate.sigma_px / frame.scale_px).powi(2);
+    let reduced = tt - ht.transpose() * inverse * ht;
+    let gradient = gradient_t - ht.transpose() * inverse * gradient_h;
+    Some((gradient / noise, reduced / noise))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::points::PointScene;
+
+    #[test]
+    fn the_lens_comes_back_from_exact_and_from_noisy_matches() {
+        for (sigma_px, tolerance) in [(0.0, 1e-6), (0.05, 0.003)] {
+            let scene = PointScene {
+                distortion: Distortion::radial(-0.2, 0.04),
+                sigma_px,
+                matches: 500,
+                ..PointScene::nominal(3)
+            };
+            let k = scene.intrinsics;
+            let frame = Frame::new(scene.size, None);
+            let pairs = scene.pairs();
+            let motions: Vec<&[PointMatch]> = pairs.iter().map(|p| p.pair.matches.as_slice()).collect();
+            let start = Lens { distortion: Distortion::default(), intrinsics: k };
+            let prior = LensPrior { k1_sigma: 100.0, k2_sigma: 100.0, centre_sigma: 0.001 };
+            let found = estimate_lens(&motions, &frame, &start, &prior).expect("determined");
+            let d = found.lens.distortion;
+            assert!((d.k1 + 0.2).abs() < tolerance && (d.k2 - 0.04).abs() < 5.0 * tolerance, "{sigma_px}: {d:?}");
+            if sigma_px > 0.0 {
+                let sd = found.covariance[(0, 0)].sqrt();
+                assert!((d.k1 + 0.2).abs() < 4.0 * sd && sd < tolerance, "{sd}");
+            }
+            // Through another focal length the same lens.
+            let other = found.lens.with_focal_length(500.0);
+            let p = Vector2::new(100.0, 200.0);
+            let (u, v) = (found.lens.ideal_point(&p).expect("inside"), other.ideal_point(&p).expect("inside"));
+            assert!((u - v).norm() < 1e-9);
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! A homography from matches with outliers: robust search, then the gold standard on the inliers.
+
+use nalgebra::{Matrix3, SVector};
+
+use crate::pairs::{
+    dlt::from_four_points,
+    refine::{HomographyEstimate, RefineOptions, accumulate, refine, sampson_squared, spread_ratio, to_frame},
+};
+use crate::{
+    error::Error,
+    geometry::frame::Frame,
+    numerics::{
+        linalg::{matrix_from_rows, rows_of, sphere_tangent},
+        ransac::{OUTLIER_SQUARED, RansacOptions, RobustProblem, search},
+        statistics::{chi_squared_2_quantile, median},
+    },
+    pairs::correspondence::PointMatch,
+};
+
+/// Options of [`estimate_robust`].
+#[derive(Debug, Clone, Copy)]
+pub struct RobustOptions {
+    /// Largest standard deviation of a coordinate of a good match that is thought possible, in pixels.
+    pub max_sigma_px: f64,
+    /// Matches within this many pixels of where they were are taken as a background that does not move, when they are
+    /// the best supported plane.
+    pub static_px: f64,
+    /// Fewest inliers of a second plane that may replace a static background.
+    pub min_inliers: usize,
+    /// The robust loop.
+    pub ransac: RansacOptions,
+}
+
+impl Default for RobustOptions {
+    fn default() -> Self {
+        Self { max_sigma_px: 2.0, static_px: 1.5, min_inliers: 15, ransac: RansacOptions::default() }
+    }
+}
+
+/// A homography and the matches it was made from.
+#[derive(Debug, Clone)]
+pub struct RobustHomography {
+    /// The refined homography.
+    pub estimate: HomographyEstimate,
+    /// Indices of the matches used, ascending.
+    pub inliers: Vec<usize>,
+    /// Samples drawn.
+    pub trials: usize,
+    /// Matches of a background that did not move and had more support; they were set aside. 0: none.
+    pub static_background: usize,
+    /// The matches are patches matched by least squares, not features.
+    pub patches: bool,
+    /// The homography is the identity: nothing moved between the two images, and no second plane was found.
+    pub is_static: bool,
+}
+
+struct Problem<'a> {
+    matches: &'a [PointMatch],
+    /// 1 / largest noise variance, in frame units.
+    scale: f64,
+}
+
+impl RobustProblem for Problem<'_> {
+    type Model = Matrix3<f64>;
+    const SAMPLE_SIZE: usize = 4;
+
+    fn len(&self) -> usize {
+        self.matches.len()
+    }
+
+    fn minimal(&self, sample: &[usize]) -> Option<Self::Model> {
+        let m = [0, 1, 2, 3].map(|i| &self.matches[sample[i]]);
+        let h = from_four_points(m)?;
+        let in_front = |h: &Matrix3<f64>| m.iter().all(|p| h[(2, 0)] * p.a.x + h[(2, 1)] * p.a.y + h[(2, 2)] > 1e-6);
+        if in_front(&h) {
+            Some(h)
+        } else if in_front(&-h) {
+            Some(-h)
+        } else {
+            None
+        }
+    }
+
+    fn squared_residual(&self, model: &Self::Model, index: usize) -> f64 {
+        let m = &self.matches[index];
+        sampson_squared(model, m) * self.scale / (m.sigma_px * m.sigma_px)
+    }
+
+    fn refit(&self, model: &Self::Model, weights: &[f64]) -> Option<Self::Model> {
+        let (_, gradient, information) = accumulate(model, self.matches, Some(weights))?;
+        let tangent = sphere_tangent(&rows_of(model));
+        let reduced = tangent.transpose() * information * tangent;
+        let step: SVector<f64, 8> = reduced.cholesky()?.solve(&-(tangent.transpose() * gradient));
+        let moved = (rows_of(model) + tangent * step).normalize();
+        moved.iter().all(|v| v.is_finite()).then(|| matrix_from_rows(&moved))
+    }
+}
+
+/// Fraction of good matches kept by the final cut. At 99 % the hard cut would cost 3 % of accuracy, here it costs 1 %.
+const KEPT: f64 = 0.9973;
+
+/// A homography from point matches (pixels), some of which may be wrong. Deterministic by the seed.
+///
+/// # Errors
+/// [`Error::DegeneratePoints`] when there are fewer than four matches, or no quadruple of them or the inliers determine a
+/// homography.
+pub fn estimate_robust(
+    matches: &[PointMatch],
+    frame: &Frame,
+    options: &RobustOptions,
+) -> Result<RobustHomography, Error> {
+    let all: Vec<usize> = (0..matches.len()).collect();
+    let first = estimate_among(matches, &all, frame, options)?;
+    let displacement = |m: &PointMatch| (m.b - m.a).norm();
+    let mut moved: Vec<f64> = first.inliers.iter().map(|&i| displacement(&matches[i])).collect();
+    if median(&mut moved) > options.static_px {
+        return Ok(first);
+    }
+    // The best supported plane stands still. Something else may move before it: look among what is left.
+    let rest: Vec<usize> =
+        (0..matches.len()).filter(|&i| displacement(&matches[i]) > 3.0 * options.static_px).collect();
+    let second = estimate_among(matches, &rest, frame, options).ok().filter(|s| s.inliers.len() >= options.min_inliers);
+    Ok(match second {
+        Some(second) => RobustHomography { static_background: first.inliers.len(), ..second },
+        None => RobustHomography { is_static: true, ..first },
+    })
+}
+
+fn estimate_among(
+    matches: &[PointMatch],
+    among: &[usize],
+    frame: &Frame,
+    options: &RobustOptions,
+) -> Result<RobustHomography, Error> {
+    let chosen: Vec<PointMatch> = among.iter().map(|&i| matches[i]).collect();
+    let local = to_frame(&chosen, frame);
+    let degenerate = || Error::DegeneratePoints {
+        count: local.len(),
+        spread_ratio: if local.is_empty() { 0.0 } else { spread_ratio(&local) },
+    };
+    let max_sigma = options.max_sigma_px / frame.scale_px;
+    let problem = Problem { matches: &local, scale: 1.0 / (max_sigma * max_sigma) };
+    let found = search(&problem, &options.ransac).ok_or_else(degenerate)?;
+
+    // The scale of the noise from the inliers (median of chi-squared, two degrees of freedom: 2 ln 2), then cut and refine, until the set of inliers rests.
+    let mut h = found.model;
+    let mut inliers = found.inliers;
+    let squared = |h: &Matrix3<f64>, i: usize| problem.squared_residual(h, i);
+    let mut noise = median(&mut inliers.iter().map(|&i| squared(&h, i)).collect::<Vec<_>>()) / (2.0 * 2f64.ln());
+    let mut estimate = None;
+    for _ in 0..8 {
+        // At least a thousandth of a pixel, so that exact data keep all their points.
+        let floor = (1e-3 / options.max_sigma_px).powi(2);
+        let limit = (chi_squared_2_quantile(1.0 - KEPT) * noise.max(floor)).min(OUTLIER_SQUARED);
+        let next: Vec<usize> = (0..local.len()).filter(|&i| squared(&h, i) < limit).collect();
+        if next.len() < 4 {
+            return Err(degenerate());
+        }
+        if estimate.is_some() && next == inliers {
+            break;
+        }
+        inliers = next;
+        let kept: Vec<PointMatch> = inliers.iter().map(|&i| chosen[i]).collect();
+        // With no datum left out there was no cut to allow for.
+        let kept_fraction = if inliers.len() == local.len() { 1.0 } else { KEPT };
+        let refined = refine(&kept, Some(&h), frame, &RefineOptions { kept_fraction, ..RefineOptions::default() })?;
+        h = refined.in_frame;
+        noise = (refined.sigma_px / options.max_sigma_px).powi(2);
+        estimate = Some(refined);
+    }
+    let estimate = estimate.ok_or_else(degenerate)?;
+    Ok(RobustHomography {
+        estimate,
+        inliers: inliers.iter().map(|&i| among[i]).collect(),
+        trials: found.trials,
+        static_background: 0,
+        patches: false,
+        is_static: false,
+    })
+}

@@ -1,0 +1,457 @@
+//! From plane-normal motions to the camera matrix with its covariance.
+//!
+//! Motions -> attitude groups -> weighted conic equations -> K (see [`crate::start::absolute_conic`]), repeated until the
+//! weights, which depend on K through the axis error, rest.
+
+use nalgebra::SMatrix;
+
+use crate::{
+    error::Error,
+    geometry::{frame::Frame, intrinsics::Intrinsics},
+    numerics::{
+        linalg::ComplexPoint,
+        statistics::{VarianceComponent, chi_squared_survival},
+    },
+    select::attitude_groups::{AttitudeGroup, Motion, group_attitudes, regroup},
+    start::absolute_conic::{
+        ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, parameters_of, refine,
+        solve_linear,
+    },
+};
+
+/// A number of the camera that may be given a prior.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum PriorParameter {
+    /// Focal length along x, pixels.
+    Fx,
+    /// fy / fx.
+    Aspect,
+    /// Principal point, x, pixels.
+    Cx,
+    /// Principal point, y, pixels.
+    Cy,
+    /// Skew, pixels.
+    Skew,
+    /// Radial distortion, second order.
+    K1,
+    /// Radial distortion, fourth order.
+    K2,
+}
+
+impl PriorParameter {
+    /// All, in the order of [`crate::refine::CameraVector`].
+    pub const ALL: [PriorParameter; 7] = [
+        PriorParameter::Fx,
+        PriorParameter::Aspect,
+        PriorParameter::Cx,
+        PriorParameter::Cy,
+        PriorParameter::Skew,
+        PriorParameter::K1,
+        PriorParameter::K2,
+    ];
+
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            PriorParameter::Fx => "fx",
+            PriorParameter::Aspect => "aspect",
+            PriorParameter::Cx => "cx",
+            PriorParameter::Cy => "cy",
+            PriorParameter::Skew => "skew",
+            PriorParameter::K1 => "k1",
+            PriorParameter::K2 => "k2",
+        }
+    }
+}
+
+/// A Gaussian prior: mean and standard deviation in pixels (aspect, k1, k2: no unit).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GivenPrior {
+    /// Of what.
+    pub parameter: PriorParameter,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub sigma: f64,
+}
+
+/// What is known of the camera and of the motion beforehand.
+#[derive(Debug, Clone)]
+pub struct CameraOptions {
+    /// What is assumed of the camera matrix.
+    pub constraint: Constraint,
+    /// fy / fx where the constraint holds it, and centre of its prior under `Auto`.
+    pub aspect: f64,
+    /// Standard deviation of the prior of ln(fy / fx), `Auto` only.
+    pub aspect_sigma: f64,
+    /// Standard deviation of the prior of each coordinate of the principal point about the frame's origin, in pixels,
+    /// `Auto` only.
+    pub principal_point_sigma_px: f64,
+    /// Priors that take the place of those of `Auto`, or join the other constraints.
+    pub given: Vec<GivenPrior>,
+    /// Standard deviation of each view's attitude about each axis across the floor's normal, in radians.
+    pub attitude_sigma_rad: f64,
+    /// Whether that is only the scale of a prior, and the motions, where there are enough, tell it (variance component).
+    pub estimate_attitude_sigma: bool,
+}
+
+/// A camera matrix and how sure it is.
+#[derive(Debug, Clone)]
+pub struct CameraSolution {
+    /// In pixels.
+    pub intrinsics: Intrinsics,
+    /// Covariance of (fx, fy, cx, cy, skew) in pixels squared; zero rows for what was held.
+    pub covariance_px: SMatrix<f64, 5, 5>,
+    /// Which of (fx, fy, cx, cy, skew) were estimated.
+    pub estimated: [bool; 5],
+    /// Priors used: parameter name, mean, standard deviation, posterior over prior standard deviation.
+    pub priors: Vec<PriorUse>,
+    /// Attitudes and the motions that show them.
+    pub groups: Vec<AttitudeGroup>,
+    /// Sum of squared normalised residuals of the conic equations and priors.
+    pub chi_squared: f64,
+    /// Its degrees of freedom.
+    pub degrees_of_freedom: usize,
+    /// The standard deviation of the attitudes that the covariance was made with, in radians.
+    pub attitude_sigma_rad: f64,
+    /// Whether it was estimated from the motions.
+    pub attitude_sigma_estimated: bool,
+    /// Factor on the covariance because the motions disagree by more than their noise (1: none).
+    pub variance_inflation: f64,
+}
+
+/// How much a prior counted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PriorUse {
+    /// Name of the parameter.
+    pub parameter: &'static str,
+    /// Mean: pixels, or a ratio for `aspect`.
+    pub mean: f64,
+    /// Standard deviation, same unit.
+    pub sigma: f64,
+    /// Posterior over prior standard deviation: 1 says that the prior alone decided, 0 that the images did.
+    pub posterior_over_prior: f64,
+}
+
+/// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
+const MAX_LN_SIGMA: f64 = 0.25;
+/// Standard deviation of the principal point above which it counts as undetermined, in half mean image sides.
+const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
+/// Probability below which the disagreement of motions is not put down to chance.
+pub(crate) const DISAGREEMENT_P: f64 = 0.01;
+
+impl CameraOptions {
+    /// The priors in frame units.
+    pub fn priors(&self, frame: &Frame) -> Priors {
+        let mut priors = Priors::NONE;
+        if self.constraint == Constraint::Auto {
+            let principal_point = self.principal_point_sigma_px / frame.scale_px;
+            priors.0[1] = Some((self.aspect.ln(), self.aspect_sigma));
+            priors.0[2] = Some((0.0, principal_point));
+            priors.0[3] = Some((0.0, principal_point));
+        }
+        for p in &self.given {
+            let scale = frame.scale_px;
+            match p.parameter {
+                PriorParameter::Fx => priors.0[0] = Some(((p.mean / scale).ln(), p.sigma / p.mean)),
+                PriorParameter::Aspect => priors.0[1] = Some((p.mean.ln(), p.sigma / p.mean)),
+                PriorParameter::Cx => priors.0[2] = Some(((p.mean - frame.origin_px.x) / scale, p.sigma / scale)),
+                PriorParameter::Cy => priors.0[3] = Some(((p.mean - frame.origin_px.y) / scale, p.sigma / scale)),
+                PriorParameter::Skew => priors.0[4] = Some((p.mean / scale, p.sigma / scale)),
+                // Of the lens: the joint refinement has them.
+                PriorParameter::K1 | PriorParameter::K2 => {}
+            }
+        }
+        priors
+    }
+}
+
+impl CameraOptions {
+    /// What the priors were and what the covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units, says they were worth.
+    pub fn prior_uses(&self, frame: &Frame, covariance: &SMatrix<f64, 5, 5>) -> Vec<PriorUse> {
+        let scale = frame.scale_px;
+        let origins = [0.0, 0.0, frame.origin_px.x, frame.origin_px.y, 0.0];
+        let priors = self.priors(frame);
+        (0..5)
+            .filter_map(|i| {
+                let (mean, sigma) = priors.0[i]?;
+                let (mean, unit) = match i {
+                    0 => (mean.exp() * scale, mean.exp() * scale),
+                    1 => (mean.exp(), mean.exp()),
+                    _ => (mean * scale + origins[i], scale),
+                };
+                Some(PriorUse {
+                    parameter: PriorParameter::ALL[i].name(),
+                    mean,
+                    sigma: sigma * unit,
+                    posterior_over_prior: covariance[(i, i)].max(0.0).sqrt() / sigma,
+                })
+            })
+            .collect()
+    }
+}
+
+/// The camera of a set of motions given in `frame` coordinates.
+///
+/// # Errors
+/// [`Error::TooFewAttitudes`], [`Error::Undetermined`], [`Error::NotPositiveDefinite`] when the motions do not determine
+/// what the constraint asks for; [`Error::NoUsableMotion`] for an empty set.
+pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) -> Result<CameraSolution, Error> {
+    if motions.is_empty() {
+        return Err(Error::NoUsableMotion {
+            pairs: 0,
+            reason: "no motion is left".into(),
+            remedy: "Turn the camera by 15 to 60 degrees between two images, without tilting it".into(),
+        });
+    }
+    let priors = options.priors(frame);
+    let mut parameters = Parameters::from([2f64.ln(), options.aspect.ln(), 0.0, 0.0, 0.0]);
+    // Attitude errors make the weights depend on K: three rounds from a middling focal length are plenty.
+    let rounds = if options.attitude_sigma_rad > 0.0 { 3 } else { 1 };
+    let mut last = None;
+    for _ in 0..rounds {
+        let groups = group_attitudes(motions, &intrinsics_of(&parameters), options.attitude_sigma_rad);
+        let solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
+        parameters = solution.parameters;
+        last = Some((groups, solution));
+    }
+    let Some((mut groups, mut solution)) = last else {
+        return Err(Error::Numerical { stage: "camera", detail: "no round was run".into() });
+    };
+    let mut sigma = options.attitude_sigma_rad;
+    let enough = groups.len() >= MIN_GROUPS_FOR_SIGMA && solution.degrees_of_freedom >= MIN_DOF_FOR_SIGMA;
+    let estimated = options.estimate_attitude_sigma && enough;
+    if estimated {
+        sigma = estimate_attitude_sigma(&groups, motions, &solution, options, &priors);
+        groups = regroup(&groups, motions, &intrinsics_of(&solution.parameters), sigma);
+        solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
+    }
+    let mut out = in_pixels(groups, solution, options, frame);
+    (out.attitude_sigma_rad, out.attitude_sigma_estimated) = (sigma, estimated);
+    Ok(out)
+}
+
+/// Attitudes and degrees of freedom from which on the motions can tell how far the axis strays.
+const MIN_GROUPS_FOR_SIGMA: usize = 3;
+const MIN_DOF_FOR_SIGMA: usize = 4;
+
+/// The standard deviation of the attitudes from the motions' disagreement: restricted likelihood of the conic's residuals
+/// times a half-Cauchy prior of the stated scale, on a logarithmic grid; the root of the mean of σ² over the posterior, so that
+/// few motions keep a wide bar.
+fn estimate_attitude_sigma(
+    groups: &[AttitudeGroup],
+    motions: &[Motion],
+    solution: &ConicSolution,
+    options: &CameraOptions,
+    priors: &Priors,
+) -> f64 {
+    let k = intrinsics_of(&solution.parameters);
+    let component = VarianceComponent { scale: options.attitude_sigma_rad, below: 30.0, above: 30.0 };
+    component.posterior(|sigma| {
+        let points: Vec<WeightedPoint> = regroup(groups, motions, &k, sigma).into_iter().map(|g| g.fused).collect();
+        refine(&points, &solution.parameters, options.constraint.free(), priors)
+            .map_or(f64::NEG_INFINITY, |s| -0.5 * (s.chi_squared + s.log_determinants))
+    })
+}
+
+fn solve_groups(
+    groups: &[AttitudeGroup],
+    motions: usize,
+    options: &CameraOptions,
+    priors: &Priors,
+    frame: &Frame,
+) -> Result<ConicSolution, Error> {
+    let constraint = options.constraint;
+    let needed = constraint.attitudes_needed();
+    if groups.len() < needed {
+        let alternative = if groups.len() == 1 {
+            "`--constraint auto`, `focal` or `fixed-pp`"
+        } else {
+            "`--constraint zero-skew` or `square`"
+        };
+        return Err(Error::TooFewAttitudes {
+            constraint: constraint.name(),
+            unknowns: constraint.unknowns(),
+            needed,
+            motions,
+            attitudes: groups.len(),
+            alternative: alternative.into(),
+        });
+    }
+    let points: Vec<WeightedPoint> = groups.iter().map(|g| g.fused.clone()).collect();
+    solve_points(&points, options, priors, frame).map_err(|error| match error {
+        // Straight down the circular points lie at infinity (third coordinate 0), whatever the roll.
+        Error::Undetermined { constraint, direction, .. } if points.iter().all(|p| looks_straight_down(&p.point.point)) => {
+            Error::Undetermined {
+                constraint,
+                direction: format!("{direction}; the camera looks straight down on the plane in every motion, which says nothing of the focal length"),
+                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+            }
+        }
+        Error::NotPositiveDefinite { constraint, .. } if points.iter().all(|p| looks_straight_down(&p.point.point)) => {
+            Error::Undetermined {
+                constraint,
+                direction: "the camera looks straight down on the plane in every motion, which says nothing of the focal length".into(),
+                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+            }
+        }
+        Error::NotPositiveDefinite { constraint, eigenvalues, .. }
+            if options.constraint == Constraint::FixedPrincipalPoint && points.len() == 1 =>
+        {
+            Error::NotPositiveDefinite {
+                constraint,
+                eigenvalues,
+                remedy: "One attitude with a roll near 0 or 90 degrees does not tell fx from fy: roll the camera by 20 degrees or more, or \
+                         use `--constraint focal`"
+                    .into(),
+            }
+        }
+        error => error,
+    })
+}
+
+/// Whether a circular point is that of a view square to the plane, to about three degrees.
+fn looks_straight_down(point: &ComplexPoint) -> bool {
+    point.z.norm() < 0.05 * point.x.norm().hypot(point.y.norm())
+}
+
+fn solve_points(
+    points: &[WeightedPoint],
+    options: &CameraOptions,
+    priors: &Priors,
+    frame: &Frame,
+) -> Result<ConicSolution, Error> {
+    let constraint = options.constraint;
+    let solution = if constraint == Constraint::Auto {
+        maximum_a_posteriori(points, options, priors)
+    } else {
+        let start = solve_linear(points, constraint, options.aspect)?;
+        refine(points, &start, constraint.free(), priors)
+    };
+    let solution = solution.ok_or_else(|| Error::Undetermined {
+        constraint: constraint.name(),
+        direction: format!(
+            "the equations of {} do not tell its {} unknowns apart",
+            attitudes(points.len()),
+            constraint.unknowns()
+        ),
+        remedy: remedy(constraint),
+    })?;
+    check_certainty(&solution.covariance, constraint, points.len(), frame)?;
+    Ok(solution)
+}
+
+fn attitudes(count: usize) -> String {
+    if count == 1 { "1 attitude".into() } else { format!("{count} attitudes") }
+}
+
+fn remedy(constraint: Constraint) -> String {
+    let weaker = match constraint {
+        Constraint::Auto | Constraint::Focal => "",
+        _ => ", or use a stronger constraint (`--constraint auto` or `focal`)",
+    };
+    format!(
+        "Tilt the camera to 30 to 60 degrees below the horizon, roll it by 20 degrees or more for another motion, and turn it by 15 to 60 degrees{weaker}"
+    )
+}
+
+/// With priors any start will do that is on the right side: the linear solutions, else the best of a few focal lengths.
+fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, priors: &Priors) -> Option<ConicSolution> {
+    let better = |best: ConicSolution, next: ConicSolution| {
+        if next.chi_squared < best.chi_squared * (1.0 - 1e-9) { next } else { best }
+    };
+    let attempt = |start: Parameters| {
+        refine(points, &start, Constraint::Auto.free(), priors)
+            .filter(|s| s.parameters.iter().all(|v| v.is_finite()) && s.parameters[0].abs() < 5.0)
+    };
+    let linear = [Constraint::Square, Constraint::Focal]
+        .into_iter()
+        .filter(|c| points.len() >= c.attitudes_needed())
+        .find_map(|c| solve_linear(points, c, options.aspect).ok())
+        .and_then(attempt);
+    // Good enough that no other minimum can be better by much?
+    if let Some(s) = &linear
+        && chi_squared_survival(s.chi_squared, s.degrees_of_freedom) > DISAGREEMENT_P
+    {
+        return linear;
+    }
+    let grid = [0.6f64, 1.2, 2.4, 4.8, 9.6]
+        .into_iter()
+        .filter_map(|f| attempt(Parameters::from([f.ln(), options.aspect.ln(), 0.0, 0.0, 0.0])));
+    linear.into_iter().chain(grid).reduce(better)
+}
+
+/// Refuses an answer whose error bar is so wide that the linearised interval means nothing. The covariance is that of
+/// (ln fx, ln fy/fx, cx, cy, skew), frame units, from `groups` attitudes.
+///
+/// # Errors
+/// [`Error::Undetermined`] naming what is not known, and how badly.
+pub fn check_certainty(
+    covariance: &SMatrix<f64, 5, 5>,
+    constraint: Constraint,
+    groups: usize,
+    frame: &Frame,
+) -> Result<(), Error> {
+    let Some(uncertain) = what_is_uncertain(covariance, frame) else { return Ok(()) };
+    Err(Error::Undetermined {
+        constraint: constraint.name(),
+        direction: format!("{} would give {uncertain}", attitudes(groups)),
+        remedy: remedy(constraint),
+    })
+}
+
+/// Which of (ln fx, ln fy/fx, cx, cy, skew), frame units, are known too badly to count as determined, in words; `None`: none of them.
+pub fn what_is_uncertain(covariance: &SMatrix<f64, 5, 5>, frame: &Frame) -> Option<String> {
+    let parts: Vec<String> = (0..5)
+        .filter_map(|i| {
+            let name = ["focal length", "aspect ratio", "cx", "cy", "skew"][i];
+            let sigma = covariance[(i, i)].max(0.0).sqrt();
+            let (limit, text) = if i < 2 {
+                (MAX_LN_SIGMA, format!("{name} to a factor of {:.2} only", (2.0 * sigma).exp()))
+            } else {
+                (MAX_PRINCIPAL_POINT_SIGMA, format!("{name} to +-{:.0} px only", 2.0 * sigma * frame.scale_px))
+            };
+            (sigma.is_nan() || sigma > limit).then_some(text)
+        })
+        .collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
+}
+
+fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptions, frame: &Frame) -> CameraSolution {
+    let mut intrinsics = frame.intrinsics_to_pixel(&s.intrinsics());
+    // Minus zero looks odd in a file.
+    intrinsics.skew += 0.0;
+    let p_value = chi_squared_survival(s.chi_squared, s.degrees_of_freedom);
+    let variance_inflation = if s.degrees_of_freedom > 0 && p_value < DISAGREEMENT_P {
+        s.chi_squared / s.degrees_of_freedom as f64
+    } else {
+        1.0
+    };
+    let (fx, fy, scale) = (intrinsics.fx, intrinsics.fy, frame.scale_px);
+    let mut jacobian = SMatrix::<f64, 5, 5>::zeros();
+    jacobian[(0, 0)] = fx;
+    jacobian[(1, 0)] = fy;
+    jacobian[(1, 1)] = fy;
+    for i in 2..5 {
+        jacobian[(i, i)] = scale;
+    }
+    let free = options.constraint.free();
+    CameraSolution {
+        intrinsics,
+        covariance_px: jacobian * s.covariance * jacobian.transpose() * variance_inflation,
+        // fy moves with fx when the ratio is held.
+        estimated: [free[0], free[0], free[2], free[3], free[4]],
+        priors: options.prior_uses(frame, &s.covariance),
+        groups,
+        chi_squared: s.chi_squared,
+        degrees_of_freedom: s.degrees_of_freedom,
+        attitude_sigma_rad: options.attitude_sigma_rad,
+        attitude_sigma_estimated: false,
+        variance_inflation,
+    }
+}
+
+/// The parameters of a camera matrix given in pixels, in frame units.
+pub fn parameters_in_frame(k: &Intrinsics, frame: &Frame) -> Parameters {
+    parameters_of(&frame.intrinsics_from_pixel(k))
+}
