@@ -21,7 +21,7 @@ use crate::{
     rectify::RectifyArgs,
     undistort::UndistortArgs,
 };
-use groundcal_io::export::formats::Format;
+use groundcal_io::export::Format;
 use groundcal_io::pictures::PictureFormat;
 
 /// Calibrate a camera from the floor it looks at, with no calibration target.

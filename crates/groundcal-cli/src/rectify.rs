@@ -22,8 +22,9 @@ use crate::{args::parse_height, error::CliError};
 use groundcal_io::{
     export::write_whole,
     import::groundcal_json::{Calibration, Placed},
-    load,
-    pictures::{self, PictureFormat},
+    inputs::find_images,
+    names::{image_names, stems},
+    pictures::{self, PictureFormat, PictureReader},
 };
 
 /// `groundcal rectify`.
@@ -184,7 +185,7 @@ pub fn run(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
     // Images that cannot be used are refused before anything is written.
     let resolution = work.resolution(&found, &mut notes)?;
     let text = if args.mosaic {
-        work.mosaics(&found, resolution)?
+        work.mosaics(&found, resolution, &mut notes)?
     } else {
         work.single_views(&found, resolution, &mut notes)?
     };
@@ -220,7 +221,7 @@ fn matched(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<S
         }
         return Ok((found, notes));
     }
-    let files = pictures::files(&args.inputs)?;
+    let files = find_images(&args.inputs)?;
     let mut taken = vec![false; files.len()];
     let (mut found, mut missing) = (Vec::new(), Vec::new());
     for p in placed {
@@ -250,7 +251,7 @@ fn matched(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<S
         .iter()
         .zip(&taken)
         .filter(|(_, t)| !**t)
-        .map(|(f, _)| load::names_of(std::slice::from_ref(f)).concat())
+        .map(|(f, _)| image_names(std::slice::from_ref(f)).concat())
         .collect();
     if found.is_empty() {
         return Err(CliError::Input(format!(
@@ -387,8 +388,8 @@ impl Work<'_> {
     }
 
     fn single_views(&self, found: &[Found], resolution: f64, notes: &mut Vec<String>) -> Result<String, CliError> {
-        let names = pictures::stems(&found.iter().map(|f| f.file.clone()).collect::<Vec<_>>());
-        self.check_all(found)?;
+        let names = stems(&found.iter().map(|f| f.file.clone()).collect::<Vec<_>>());
+        let reader = self.check_all(found, notes)?;
         make_folder(&self.args.out)?;
         let mut text = self.heading_line(resolution);
         for (f, name) in found.iter().zip(&names) {
@@ -400,16 +401,16 @@ impl Work<'_> {
                 ));
                 continue;
             };
-            let picture = Pyramid::new(pictures::read(&f.file, self.size)?);
+            let picture = Pyramid::new(reader.read(&f.file)?);
             let out = rectify(&picture, &f.placed.view, &grid, self.max_distance);
             self.write(&format!("{name}_floor"), &grid, &[f], &out, &mut text)?;
         }
         Ok(text)
     }
 
-    fn mosaics(&self, found: &[Found], resolution: f64) -> Result<String, CliError> {
-        let colour = self.check_all(found)?;
-        let channels = if colour { 3 } else { 1 };
+    fn mosaics(&self, found: &[Found], resolution: f64, notes: &mut Vec<String>) -> Result<String, CliError> {
+        let reader = self.check_all(found, notes)?;
+        let channels = if reader.has_colour() { 3 } else { 1 };
         make_folder(&self.args.out)?;
         let mut text = self.heading_line(resolution);
         let sets = self.sets(found);
@@ -417,8 +418,8 @@ impl Work<'_> {
             let Some(grid) = self.grid(set, resolution) else { continue };
             let mut mosaic = Mosaic::new(grid, channels, self.max_distance);
             for f in set {
-                let mut picture = pictures::read(&f.file, self.size)?;
-                if colour {
+                let mut picture = reader.read(&f.file)?;
+                if reader.has_colour() {
                     picture = pictures::to_colour(picture);
                 }
                 mosaic.add(&Pyramid::new(picture), &f.placed.view);
@@ -429,13 +430,12 @@ impl Work<'_> {
         Ok(text)
     }
 
-    /// Reads all images once before anything is written; whether any has colour.
-    fn check_all(&self, found: &[Found]) -> Result<bool, CliError> {
-        let mut colour = false;
-        for f in found {
-            colour |= pictures::read(&f.file, self.size)?.channels() > 1;
-        }
-        Ok(colour)
+    /// Reads all images once before anything is written.
+    fn check_all(&self, found: &[Found], notes: &mut Vec<String>) -> Result<PictureReader, CliError> {
+        let files: Vec<PathBuf> = found.iter().map(|f| f.file.clone()).collect();
+        let (reader, said) = PictureReader::new(&files, self.size)?;
+        notes.extend(said.iter().map(ToString::to_string));
+        Ok(reader)
     }
 
     /// The picture last: when it is there, the files beside it are.

@@ -29,7 +29,7 @@ use groundcal_lab::renderer::scene::Scene;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::error::CliError;
-use groundcal_io::{export::write_whole, load};
+use groundcal_io::{export::write_whole, images::read_images, names::image_names};
 use groundcal_lab::render_scene::write_pictures;
 use methods::{Measured, Scores};
 use table::Line;
@@ -219,9 +219,9 @@ impl<'a> Setup<'a> {
         write_whole(&self.path("_views.jpg"), &contact_sheet::jpeg(&rendered, columns)?)?;
         let files: Vec<PathBuf> = self.scene.views().map(|(_, v)| folder.join(&v.file)).collect();
         self.bar.set_message(format!("{}: calibrating", self.name));
-        let images = load::images(&files)?;
+        let images = read_images(&files)?.images;
         let matched = methods::match_pairs(&images, pairs, &Options::default());
-        Ok(Pictures { names: load::names_of(&files), images, matched })
+        Ok(Pictures { names: image_names(&files), images, matched })
     }
 
     /// All pairs of matches count as motions.
