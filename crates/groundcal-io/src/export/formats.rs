@@ -7,7 +7,7 @@ use groundcal::result::Calibration;
 use crate::{
     error::IoError,
     export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, world::World, write::write_whole},
-    text::quoted,
+    text::{quoted, shown},
 };
 
 /// A format of another program.
@@ -127,7 +127,7 @@ pub fn write_formats(
 ) -> Result<(Vec<PathBuf>, Vec<String>), IoError> {
     let rendered = render(calibration, formats)?;
     std::fs::create_dir_all(folder)
-        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", folder.display())))?;
+        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", shown(folder))))?;
     let mut paths = Vec::with_capacity(rendered.files.len());
     for file in &rendered.files {
         let path = folder.join(file.name);
