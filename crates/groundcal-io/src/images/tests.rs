@@ -98,7 +98,8 @@ fn float_colour_is_written_as_it_is() {
     let folder = Folder::new();
     let rgb: Vec<f32> = texture().iter().flat_map(|v| [f32::from(*v), 0.0, 255.0]).collect();
     let path = folder.file("a.tif", &tiff_of::<colortype::RGB32Float>(&rgb, false));
-    let (reader, notes) = PictureReader::new(&[path.clone()], ImageSize::new(W as usize, H as usize)).unwrap();
+    let (reader, notes) =
+        PictureReader::new(std::slice::from_ref(&path), ImageSize::new(W as usize, H as usize)).unwrap();
     assert!(notes[0].to_string().contains("255"), "{notes:?}");
     let raster = reader.read(&path).unwrap();
     assert_eq!(raster.data()[..3], [texture()[0], 0, 255]);
@@ -269,7 +270,7 @@ fn a_converter_is_used_where_there_is_one() {
         tools.file("heif-convert", format!("#!/bin/sh\ntest -f \"$1\" && cp '{}' \"$2\"\n", png.display()).as_bytes());
     std::fs::set_permissions(&tool, PermissionsExt::from_mode(0o755)).unwrap();
     let reader = ImageFiles::with_converters(vec![tools.0.path().to_path_buf()]);
-    let read = read_with(&reader, &[heic.clone()]).unwrap();
+    let read = read_with(&reader, std::slice::from_ref(&heic)).unwrap();
     assert_eq!(read.images[0].width(), W as usize);
     assert!(read.notes[0].to_string().contains("read through heif-convert"), "{:?}", read.notes);
     // One tile of a larger picture is no picture.
