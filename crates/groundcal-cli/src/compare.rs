@@ -19,9 +19,10 @@ use groundcal_io::{
     export::write_whole,
     import::{self, ImportedCamera, PARAMETERS},
 };
-use groundcal_report::plot::{
-    field::{Field, short},
-    png, svg,
+use groundcal_report::{
+    canvas::{png, svg},
+    number::three_digits as short,
+    plot::Field,
 };
 
 /// Pixels of the PNG for one of the canvas.
@@ -193,7 +194,7 @@ fn write_files(out: &Path, json: &str, pictures: &[Field]) -> Result<(), CliErro
         let canvas = field.layout();
         let path = |kind: &str| out.join(format!("difference_{}.{kind}", i + 1));
         write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-        write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
+        write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE)?)?;
     }
     Ok(write_whole(&out.join("comparison.json"), json.as_bytes())?)
 }
@@ -418,7 +419,6 @@ mod tests {
     use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
 
     use super::*;
-    use groundcal_report::plot::{Item, letters};
 
     fn camera(width: usize, height: usize) -> Camera {
         let model = CameraModel {
@@ -465,20 +465,11 @@ mod tests {
         let d = camera_difference(&camera(800, 600).model, &b).unwrap();
         let name = "a_rather_long_folder/and_another_one/calibration.json";
         let canvas = picture(name, name, b.size, &d).layout();
-        let mut texts = 0;
-        for item in canvas.items {
-            let Item::Text { at, text, size, anchor, upwards, .. } = item else { continue };
-            assert!(text.chars().all(|c| letters::letter(c).is_some()), "{text}");
-            let length = letters::write(&text).1 * size / letters::EM;
-            let middle = if upwards { at[1] } else { at[0] };
-            let start = match anchor {
-                groundcal_report::plot::Anchor::Start => middle,
-                groundcal_report::plot::Anchor::Middle => middle - 0.5 * length,
-                groundcal_report::plot::Anchor::End => middle - length,
-            };
-            assert!(start >= 0.0 && start + length <= if upwards { canvas.height } else { canvas.width }, "{text}");
-            texts += 1;
+        let texts = canvas.texts(1.0);
+        for text in &texts {
+            let side = canvas.view[if text.upwards { 3 } else { 2 }];
+            assert!(text.has_letters && text.along[0] >= 0.0 && text.along[1] <= side, "{text:?}");
         }
-        assert!(texts > 12);
+        assert!(texts.len() > 12);
     }
 }

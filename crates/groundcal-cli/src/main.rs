@@ -132,7 +132,7 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     }
     if let Some(out) = &args.out {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::html(&calibration, &images)?) };
+        let page = if args.no_report { None } else { Some(html::page(&calibration, &images)?) };
         let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
         for note in write_results(out, &calibration, &formats, page.as_deref())? {
             let _ = writeln!(std::io::stderr(), "note: {note}");

@@ -20,7 +20,10 @@ use crate::{
     error::CliError,
 };
 use groundcal_io::export;
-use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
+use groundcal_report::{
+    canvas::{png, svg},
+    plot::{Curve, Figure, Marker, Panel, Style},
+};
 
 /// `groundcal plan`.
 #[derive(Debug, Args)]
@@ -295,7 +298,7 @@ pub fn run(args: &PlanArgs) -> Result<String, CliError> {
             .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
         let canvas = figure(&report).layout();
         export::write_whole(&out.join("plan.svg"), svg::document(&canvas).as_bytes())?;
-        export::write_whole(&out.join("plan.png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
+        export::write_whole(&out.join("plan.png"), &png::encode(&canvas, PNG_SCALE)?)?;
         export::write_whole(&out.join("plan.json"), json()?.as_bytes())?;
     }
     if args.json { json() } else { Ok(text::page(&report, args)) }
