@@ -33,7 +33,10 @@ use groundcal_io::{
     load,
 };
 use groundcal_lab::render_scene;
-use groundcal_report::{html, text};
+use groundcal_report::{
+    html,
+    text::{self, SummaryOptions},
+};
 use progress::Progress;
 
 fn main() -> ExitCode {
@@ -126,7 +129,7 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = Progress::new("reading");
     let result = run(args, &progress);
     let mut times = progress.finish();
-    let Calibrated { mut calibration, count, images } = result?;
+    let Calibrated { mut calibration, images } = result?;
     if let Some(height_m) = args.camera_height {
         calibration = calibration.with_camera_height(height_m)?;
     }
@@ -139,7 +142,11 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
         }
         times.push(("writing", start.elapsed()));
     }
-    let page = if args.json { export::json(&calibration)? } else { text::summary(&calibration, count, args.verbose) };
+    let page = if args.json {
+        export::json(&calibration)?
+    } else {
+        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() })
+    };
     print(&page)?;
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
@@ -155,8 +162,6 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
 /// A calibration and what it was made from.
 struct Calibrated {
     calibration: Calibration,
-    /// How many images.
-    count: usize,
     /// The images themselves; none for matches from elsewhere.
     images: Vec<GrayImage>,
 }
@@ -177,7 +182,7 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError
             }
             let images = load::images(&files)?;
             let calibration = calibrate_images(&names, &images, &options, progress)?;
-            Ok(Calibrated { calibration, count: names.len(), images })
+            Ok(Calibrated { calibration, images })
         }
         load::Input::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
@@ -194,7 +199,7 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
             }
-            Ok(Calibrated { calibration, count, images: Vec::new() })
+            Ok(Calibrated { calibration, images: Vec::new() })
         }
     }
 }

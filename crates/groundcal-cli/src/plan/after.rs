@@ -5,6 +5,7 @@ use std::path::Path;
 use groundcal::{
     calibrate::{LensModel, Options},
     error::Error,
+    numerics::statistics::median,
     plan::{MIN_MATCHES, PlanOptions, Planner, Start},
     start::{
         absolute_conic::Constraint,
@@ -13,8 +14,9 @@ use groundcal::{
 };
 
 use crate::error::CliError;
-use crate::plan::{PlanArgs, RigReport};
+use crate::plan::{DEFAULT_NOISE_PX, DEFAULT_POINTS, PlanArgs, rig_of};
 use groundcal_io::import::groundcal_json::{Calibration, Motion, Prior};
+use groundcal_report::plan::RigReport;
 
 /// The names of the covariance's rows, in order.
 const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
@@ -43,11 +45,6 @@ pub fn read(path: &Path) -> Result<Known, CliError> {
     Ok(Known { covariance, name, file })
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 impl Known {
     /// Height of the camera over the floor in metres, where the calibration knows it.
     pub fn height_m(&self) -> Option<f64> {
@@ -67,9 +64,9 @@ impl Known {
             intrinsics: c.intrinsics(),
             distortion: c.lens(),
             size: c.size(),
-            rig: rig.rig(),
-            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(super::DEFAULT_NOISE_PX),
-            points: super::DEFAULT_POINTS,
+            rig: rig_of(rig),
+            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(DEFAULT_NOISE_PX),
+            points: DEFAULT_POINTS,
             motions: args.motions.unwrap_or(2) as usize,
             calibration: Options {
                 constraint,
@@ -84,7 +81,7 @@ impl Known {
             Some(points) => f64::from(points),
             None => self
                 .points(&Planner::new(&options, Some(&self.covariance)).map_err(|e| self.named(e))?)
-                .unwrap_or(super::DEFAULT_POINTS),
+                .unwrap_or(DEFAULT_POINTS),
         };
         Ok(options)
     }
@@ -100,11 +97,11 @@ impl Known {
     /// Noise of a coordinate: the residuals of the motions used, two coordinates of four being left over by the point, and what the
     /// refinement found them to be too small by.
     fn noise_px(&self) -> Option<f64> {
-        let rms = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
+        let mut rms: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
         let refinement = self.file.fit.as_ref().and_then(|f| f.refinement.as_ref());
         let factor = refinement.and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
         let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
-        median(rms).map(|rms| (factor * rms / 2f64.sqrt()).max(LEAST_NOISE_PX))
+        (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(LEAST_NOISE_PX))
     }
 
     /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
@@ -120,7 +117,7 @@ impl Known {
             // Of a sliver that the rig's axis leaves in view nothing follows.
             (fraction > 0.05).then_some(m.matches? / fraction)
         };
-        let all = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
-        median(all).map(|n| n.clamp(MIN_MATCHES, 1e6))
+        let mut all: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
+        (!all.is_empty()).then(|| median(&mut all).clamp(MIN_MATCHES, 1e6))
     }
 }
