@@ -27,9 +27,9 @@ fn views(c: &Calibration) -> String {
         .map(|v| {
             let coordinate =
                 |i: usize| v.position.map_or(NONE.into(), |p| with_sigma(p[i], v.position_sigma.map(|s| s[i])));
-            let number = c.evidence.images.iter().position(|n| *n == v.image).map_or(0, |i| i + 1);
+            let number = c.evidence.images.iter().position(|n| *n == v.image);
             vec![
-                number.to_string(),
+                number.map_or_else(|| NONE.into(), |i| (i + 1).to_string()),
                 v.image.clone(),
                 v.origin.clone(),
                 with_sigma(v.yaw_deg, Some(v.yaw_sigma_deg)),
