@@ -116,6 +116,9 @@ pub enum Error {
         /// What to do next.
         remedy: String,
     },
+    /// The observer asked for it ([`crate::observer::Observer::stopped`]).
+    #[error("stopped on request")]
+    Stopped,
     /// A computation that should not fail did.
     #[error("internal numerical failure in {stage}: {detail}. Please report it with the input")]
     Numerical {
@@ -129,6 +132,6 @@ pub enum Error {
 impl Error {
     /// Whether the data were well-formed but cannot determine what was asked.
     pub fn is_degenerate(&self) -> bool {
-        !matches!(self, Error::InvalidInput(_) | Error::InvalidOption(_) | Error::Numerical { .. })
+        !matches!(self, Error::InvalidInput(_) | Error::InvalidOption(_) | Error::Numerical { .. } | Error::Stopped)
     }
 }

@@ -30,7 +30,9 @@ pub mod calibrate;
 pub mod error;
 pub mod floor;
 pub mod geometry;
+pub mod ids;
 pub mod numerics;
+pub mod observer;
 pub mod pairs;
 #[cfg(feature = "synthetic")]
 pub mod plan;

@@ -114,8 +114,8 @@ pub fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<M
             robust.ransac.seed = options.seed ^ i as u64;
             let found = estimate_robust(&pair.matches, &frame, &robust)?;
             let motion = from_homography(&found.estimate).ok().map(|geometry| Motion {
-                from: pair.from,
-                to: pair.to,
+                from: pair.from.into(),
+                to: pair.to.into(),
                 geometry,
                 sides: Sides::One,
             });
