@@ -16,7 +16,7 @@ use groundcal::{
         refine::HomographyEstimate,
         robust::estimate_robust,
     },
-    result::Calibration,
+    result::{Calibration, Parameter},
     select::attitude_groups::{Motion, Sides},
     start::{
         absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
@@ -75,7 +75,7 @@ impl Scores {
     }
 
     pub fn of_calibration(truth: &Intrinsics, c: &Calibration, constraint: Constraint) -> Self {
-        Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| c.covariance.matrix[i][j])
+        Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| c.covariance(Parameter::ALL[i], Parameter::ALL[j]))
     }
 }
 

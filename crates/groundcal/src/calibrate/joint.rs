@@ -29,7 +29,7 @@ use crate::{
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
-    result::{FloorHomography, Refinement, ResidualReport, ViewReport},
+    result::{Covariance, Refinement, ResidualReport, ViewParameter, ViewReport},
     select::attitude_groups::{AttitudeGroup, Sides},
     start::{
         absolute_conic::intrinsics_of,
@@ -174,13 +174,13 @@ impl Joint {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
         let ratio = |i: usize, sigma: f64| self.bundle.covariance[(i, i)].max(0.0).sqrt() / sigma;
         let of_camera = linear.priors.into_iter().map(|p| {
-            let index = PriorParameter::ALL.iter().position(|n| n.name() == p.parameter);
+            let index = PriorParameter::ALL.iter().position(|n| *n == p.parameter);
             let known = index.and_then(|i| Some(ratio(i, options.priors[i]?.1)));
             PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), ..p }
         });
         let of_lens = (5..CAMERA).filter_map(|i| {
             let (mean, sigma) = options.priors[i]?;
-            let parameter = PriorParameter::ALL[i].name();
+            let parameter = PriorParameter::ALL[i];
             Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma) })
         });
         let priors = of_camera.chain(of_lens).collect();
@@ -573,10 +573,10 @@ impl Pipeline<'_> {
                 roll_sigma_deg: sigma_deg(1),
                 position: floor.then(|| e.centre.into()),
                 position_sigma: floor.then(|| e.centre_sigma.into()),
-                floor_from_image: over_floor.map(|o| FloorHomography::new(&o, &covariance)),
+                floor_from_image: over_floor.map(|o| o.homography_with_covariance(&covariance)),
                 observations: e.observations,
                 weighted_rms: e.weighted_rms,
-                covariance,
+                covariance: Covariance::from_fn(&ViewParameter::ALL, |r, c| covariance[(r, c)]),
             })
         };
         b.views.iter().enumerate().filter_map(report).collect()

@@ -25,7 +25,7 @@ use crate::{
         refine::HomographyEstimate,
         robust::{RobustHomography, RobustOptions},
     },
-    result::{Calibration, Warning},
+    result::{Calibration, Warning, calibration::ATTITUDE_SIGMA_DEG},
     select::attitude_groups::{Motion, Sides},
     start::{
         absolute_conic::Constraint,
@@ -38,18 +38,7 @@ use crate::{
     },
 };
 
-/// How the camera is estimated from the motions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
-    /// Closed form and maximum likelihood of the circular points (KZR), each motion by itself.
-    Linear,
-    /// Joint refinement of camera, lens, attitudes, views and points, from there.
-    #[default]
-    Joint,
-    /// All homographies taken for rotations about the optical centre ([`crate::start::rotating_camera`]): a pan-tilt camera on the spot. No
-    /// floor is needed, no axis is assumed; [`Constraint::Auto`] stands for [`Constraint::ZeroSkew`].
-    Rotating,
-}
+pub use crate::result::Method;
 
 /// What is estimated of a lens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -134,9 +123,8 @@ impl Default for Options {
     }
 }
 
-/// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it; and
-/// a thing moved before a fixed camera by an arm or by hand, when a single motion cannot show it.
-const ATTITUDE_SIGMA_DEG: f64 = 0.1;
+/// How far a thing moved before a fixed camera by an arm or by hand pitches and rolls by itself, in degrees, when a single motion cannot
+/// show it.
 const HELD_ATTITUDE_SIGMA_DEG: f64 = 1.5;
 /// Prior of ln(fy / fx) under `auto`, and when the ratio is given.
 const ASPECT_SIGMA: f64 = 0.003;

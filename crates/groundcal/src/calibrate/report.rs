@@ -22,8 +22,11 @@ use crate::{
     pairs::{circular_points::CircularPoint, correspondence::ImagePair, plane_lens::Lens},
     refine::{CAMERA, GROUP_NUMBERS, SceneModel},
     result::{
-        AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, PrincipalPointDoubt,
-        Prior, StandardDeviation, Warning, evidence::Evidence,
+        AttitudeReport, Calibration, Camera, Covariance, Fit, LensSource, MotionReport, Parameter, PixelCentre,
+        PrincipalPointDoubt, Prior, PriorParameter, Scene, StandardDeviation, Warning,
+        calibration::{FORMAT_VERSION, SCHEMA_VERSION},
+        diagnosis,
+        evidence::Evidence,
     },
     select::{attitude_groups::AttitudeGroup, plane_normal::Verdict},
     start::linear_camera::{CameraSolution, check_certainty},
@@ -34,7 +37,7 @@ const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
 
 /// Parameters whose priors, when they decide, are worth a warning: a good camera's aspect ratio and a lens without distortion are
 /// no news.
-const MATTERS: [&str; 4] = ["fx", "cx", "cy", "skew"];
+const MATTERS: [PriorParameter; 4] = [PriorParameter::Fx, PriorParameter::Cx, PriorParameter::Cy, PriorParameter::Skew];
 
 /// Deviation of the principal point, as a fraction of the width, below which it counts as known.
 const KNOWN_PRINCIPAL_POINT: f64 = 0.01;
@@ -121,8 +124,8 @@ impl Pipeline<'_> {
                     .map(|s| 100.0 * (solution.intrinsics.fx / s.intrinsics.fx - 1.0))
             };
             warnings.push(Warning::DistortionNotModelled {
-                pincushion_percent: f_if(0.05).unwrap_or(f64::INFINITY),
-                barrel_percent: f_if(-0.05).unwrap_or(f64::INFINITY),
+                pincushion_percent: f_if(0.05).ok(),
+                barrel_percent: f_if(-0.05).ok(),
             });
         }
         Ok(self.report(pairs, results, Concluded { solution, joint, lens_share, chosen, used }, warnings, known))
@@ -206,8 +209,14 @@ impl Pipeline<'_> {
             })
             .collect();
         self.observer.advance(Stage::Camera);
-        let calibration = self.assemble(solution, joint.as_ref(), &lens, reports, motion_reports, &warnings);
-        Calibration { evidence: self.evidence(pairs, results, joint.as_ref(), known), ..calibration }
+        let calibration = self.assemble(solution, joint.as_ref(), &lens, reports, motion_reports, warnings);
+        let mut calibration =
+            Calibration { evidence: self.evidence(pairs, results, joint.as_ref(), known), ..calibration };
+        let diagnoses = diagnosis::motions(&calibration);
+        for (motion, diagnosis) in calibration.motions.iter_mut().zip(diagnoses) {
+            motion.diagnosis = diagnosis;
+        }
+        calibration
     }
 
     /// Motions whose views' attitudes stray by more than σ_a explains: chi-squared of four deviations, one in a hundred for all
@@ -345,6 +354,7 @@ impl Pipeline<'_> {
                     rms_px: robust.map(|r| r.estimate.rms_px),
                     attitude,
                     reason,
+                    diagnosis: None,
                 }
             })
             .collect()
@@ -357,11 +367,9 @@ impl Pipeline<'_> {
         lens: &LensResult,
         attitudes: Vec<AttitudeReport>,
         motions: Vec<MotionReport>,
-        warnings: &[Warning],
+        warnings: Vec<Warning>,
     ) -> Calibration {
-        let k = &s.intrinsics;
         let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
-        let d = &lens.distortion;
         let covariance = |r: usize, c: usize| match joint {
             Some(joint) => joint.covariance_px[(r, c)],
             None if r < 5 && c < 5 => s.covariance_px[(r, c)],
@@ -369,24 +377,10 @@ impl Pipeline<'_> {
             None => 0.0,
         };
         Calibration {
-            format_version: 1,
-            pixel_centre: "(0,0) is the centre of the top-left pixel",
-            camera: Camera {
-                image_size: [self.size.width, self.size.height],
-                fx: k.fx,
-                fy: k.fy,
-                cx: k.cx,
-                cy: k.cy,
-                skew: k.skew,
-                distortion: DistortionReport {
-                    model: if d.is_none() { "none" } else { "radtan" },
-                    source: lens.source,
-                    k1: d.k1,
-                    k2: d.k2,
-                    p1: d.p1,
-                    p2: d.p2,
-                },
-            },
+            schema_version: SCHEMA_VERSION,
+            format_version: FORMAT_VERSION,
+            pixel_centre: PixelCentre::TopLeftPixel,
+            camera: Camera::new(self.size, &s.intrinsics, &lens.distortion, lens.source),
             standard_deviation: StandardDeviation {
                 fx: sd(0),
                 fy: sd(1),
@@ -396,16 +390,13 @@ impl Pipeline<'_> {
                 k1: lens.k1_sigma,
                 k2: lens.k2_sigma,
             },
-            covariance: Covariance {
-                parameters: ["fx", "fy", "cx", "cy", "skew", "k1", "k2"],
-                matrix: std::array::from_fn(|r| std::array::from_fn(|c| covariance(r, c))),
-            },
-            constraint: self.options.constraint.name().to_string(),
-            method: if joint.is_some() { "joint" } else { "linear" },
+            covariance: Covariance::from_fn(&Parameter::ALL, covariance),
+            constraint: self.options.constraint,
+            method: if joint.is_some() { Method::Joint } else { Method::Linear },
             camera_height_m: None,
             scene: joint.map(|j| match j.bundle.scene {
-                SceneModel::Floor => "floor",
-                SceneModel::Directions => "directions",
+                SceneModel::Floor => Scene::Floor,
+                SceneModel::Directions => Scene::Directions,
             }),
             priors: s
                 .priors
@@ -433,7 +424,7 @@ impl Pipeline<'_> {
                 .filter(|_| joint.is_some_and(|j| j.bundle.scene == SceneModel::Floor)),
             attitudes,
             motions,
-            warnings: warnings.iter().map(Warning::report).collect(),
+            warnings,
             evidence: Evidence::default(),
         }
     }
@@ -444,15 +435,12 @@ pub(super) fn amplify(c: &mut Calibration, factor: f64) {
     for value in [&mut s.fx, &mut s.fy, &mut s.cx, &mut s.cy, &mut s.skew].into_iter().flatten() {
         *value *= factor;
     }
-    for value in c.covariance.matrix.iter_mut().flatten() {
-        *value *= factor * factor;
-    }
+    c.covariance.scale(|_| factor);
     c.fit.distortion_amplification = factor;
     let percent = 100.0 * c.standard_deviation.fx.unwrap_or(0.0) / c.camera.fx;
-    let warning = Warning::LargeUncertainty { percent };
-    c.warnings.retain(|w| w.code != warning.report().code);
+    c.warnings.retain(|w| !matches!(w, Warning::LargeUncertainty { .. }));
     if percent > LARGE_UNCERTAINTY_PERCENT {
-        c.warnings.push(warning.report());
+        c.warnings.push(Warning::LargeUncertainty { percent });
     }
 }
 
@@ -469,7 +457,7 @@ pub(super) struct Concluded {
 
 /// The lens as it is reported.
 struct LensResult {
-    source: &'static str,
+    source: LensSource,
     distortion: Distortion,
     k1_sigma: Option<f64>,
     k2_sigma: Option<f64>,
@@ -479,12 +467,17 @@ impl LensResult {
     fn new(known: &KnownLens, joint: Option<&Joint>, s: &CameraSolution) -> Self {
         let held = |source, distortion| Self { source, distortion, k1_sigma: None, k2_sigma: None };
         match (known, joint) {
-            (KnownLens::NotModelled, _) => held("not modelled", Distortion::default()),
-            (KnownLens::Given(lens), _) => held("given", lens.distortion),
+            (KnownLens::NotModelled, _) => held(LensSource::NotModelled, Distortion::default()),
+            (KnownLens::Given(lens), _) => held(LensSource::Given, lens.distortion),
             (KnownLens::Estimated(_), Some(joint)) => {
                 // What is not estimated has no variance.
                 let sigma = |i: usize| Some(joint.covariance_px[(i, i)].sqrt()).filter(|s| *s > 0.0);
-                Self { source: "estimated", distortion: joint.distortion, k1_sigma: sigma(5), k2_sigma: sigma(6) }
+                Self {
+                    source: LensSource::Estimated,
+                    distortion: joint.distortion,
+                    k1_sigma: sigma(5),
+                    k2_sigma: sigma(6),
+                }
             }
             (KnownLens::Estimated(finding), None) => {
                 let k = &s.intrinsics;
@@ -492,7 +485,7 @@ impl LensResult {
                 let lens = finding.lens().map(|l| l.with_focal_length(k.fx));
                 let d = lens.map_or(Distortion::default(), |l| l.distortion);
                 Self {
-                    source: "estimated",
+                    source: LensSource::Estimated,
                     distortion: d,
                     // The residuals see k1 / f² and k2 / f⁴: what is unknown of f adds.
                     k1_sigma: Some(finding.k1_sigma(k).hypot(2.0 * d.k1 * ln_f_sigma)),

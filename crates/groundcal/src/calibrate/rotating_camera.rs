@@ -23,7 +23,7 @@ use crate::{
     error::Error,
     geometry::{distortion::Distortion, intrinsics::Intrinsics},
     pairs::{correspondence::ImagePair, plane_lens::Lens, refine::HomographyEstimate},
-    result::{Calibration, Warning},
+    result::{Calibration, Method, Scene, Warning},
     start::{
         absolute_conic::Constraint,
         linear_camera::CameraSolution,
@@ -71,7 +71,7 @@ impl Pipeline<'_> {
             KnownLens::NotModelled if pairs.iter().any(|p| !p.matches.is_empty()) => {
                 let percent_if = |k1: f64| {
                     let lens = Lens { distortion: Distortion::radial(k1, 0.0), intrinsics: found.intrinsics };
-                    with_lens(&lens).map_or(f64::INFINITY, |k| 100.0 * (found.intrinsics.fx / k.fx - 1.0))
+                    with_lens(&lens).ok().map(|k| 100.0 * (found.intrinsics.fx / k.fx - 1.0))
                 };
                 warnings.push(Warning::DistortionNotModelled {
                     pincushion_percent: percent_if(0.05),
@@ -92,9 +92,9 @@ impl Pipeline<'_> {
         let chosen = Chosen { motions: Vec::new(), verdicts: Vec::new() };
         let concluded = Concluded { solution, joint: None, lens_share, chosen, used: used.clone() };
         let mut out = self.report(pairs, results, concluded, warnings, known);
-        out.method = "rotating";
-        out.scene = Some("directions");
-        out.constraint = self.rotating_options().constraint.name().to_string();
+        out.method = Method::Rotating;
+        out.scene = Some(Scene::Directions);
+        out.constraint = self.rotating_options().constraint;
         out.fit.chi_squared = found.chi_squared;
         out.fit.degrees_of_freedom = found.degrees_of_freedom;
         out.fit.variance_inflation = found.variance_inflation;

@@ -543,7 +543,7 @@ impl Planner {
                 _ => (mean, 1.0),
             };
             Some(Prior {
-                parameter: PriorParameter::ALL[i].name(),
+                parameter: PriorParameter::ALL[i],
                 mean: value,
                 sigma: sigma * unit,
                 posterior_over_prior: covariance[(i, i)].sqrt() / sigma,
@@ -575,7 +575,8 @@ impl Planner {
             }
         }
         // A good camera's aspect ratio and a lens without distortion are no news.
-        let matters = |p: &&Prior| !["aspect", "k1", "k2"].contains(&p.parameter);
+        let matters =
+            |p: &&Prior| ![PriorParameter::Aspect, PriorParameter::K1, PriorParameter::K2].contains(&p.parameter);
         for p in priors.iter().filter(matters).filter(|p| p.posterior_over_prior > PRIOR_DECIDES) {
             out.push(Warning::PriorDecides { parameter: p.parameter, posterior_over_prior: p.posterior_over_prior });
         }

@@ -19,50 +19,7 @@ use crate::{
     },
 };
 
-/// A number of the camera that may be given a prior.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum PriorParameter {
-    /// Focal length along x, pixels.
-    Fx,
-    /// fy / fx.
-    Aspect,
-    /// Principal point, x, pixels.
-    Cx,
-    /// Principal point, y, pixels.
-    Cy,
-    /// Skew, pixels.
-    Skew,
-    /// Radial distortion, second order.
-    K1,
-    /// Radial distortion, fourth order.
-    K2,
-}
-
-impl PriorParameter {
-    /// All, in the order of [`crate::refine::CameraVector`].
-    pub const ALL: [PriorParameter; 7] = [
-        PriorParameter::Fx,
-        PriorParameter::Aspect,
-        PriorParameter::Cx,
-        PriorParameter::Cy,
-        PriorParameter::Skew,
-        PriorParameter::K1,
-        PriorParameter::K2,
-    ];
-
-    /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            PriorParameter::Fx => "fx",
-            PriorParameter::Aspect => "aspect",
-            PriorParameter::Cx => "cx",
-            PriorParameter::Cy => "cy",
-            PriorParameter::Skew => "skew",
-            PriorParameter::K1 => "k1",
-            PriorParameter::K2 => "k2",
-        }
-    }
-}
+pub use crate::geometry::parameters::PriorParameter;
 
 /// A Gaussian prior: mean and standard deviation in pixels (aspect, k1, k2: no unit).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,8 +80,8 @@ pub struct CameraSolution {
 /// How much a prior counted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorUse {
-    /// Name of the parameter.
-    pub parameter: &'static str,
+    /// The parameter.
+    pub parameter: PriorParameter,
     /// Mean: pixels, or a ratio for `aspect`.
     pub mean: f64,
     /// Standard deviation, same unit.
@@ -181,7 +138,7 @@ impl CameraOptions {
                     _ => (mean * scale + origins[i], scale),
                 };
                 Some(PriorUse {
-                    parameter: PriorParameter::ALL[i].name(),
+                    parameter: PriorParameter::ALL[i],
                     mean,
                     sigma: sigma * unit,
                     posterior_over_prior: covariance[(i, i)].max(0.0).sqrt() / sigma,
