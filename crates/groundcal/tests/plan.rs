@@ -371,7 +371,7 @@ fn what_a_rig_cannot_tell_is_said() {
         assert!(words.iter().all(|w| text.contains(w)), "{text}");
     };
     refused(&options(rig(&[90.0], &[0.0, 45.0], 0.0), 3), &["straight down", "focal length", "30 to 60 degrees"]);
-    refused(&options(Rig { turns_rad: vec![0.0], ..tripod() }, 3), &["turns by 0.0 degrees", "--max-turn-deg"]);
+    refused(&options(Rig { turns_rad: vec![0.0], ..tripod() }, 3), &["turns by 0.0 degrees", "15 degrees or more"]);
     refused(
         &options(rig(&[-40.0], &[0.0], 0.0), 3),
         &["none of the 4 motions", "0 matches", "Tilt the camera further down"],

@@ -16,6 +16,7 @@ use groundcal::{
         refine::HomographyEstimate,
         robust::estimate_robust,
     },
+    remedy::Remedy,
     result::{Calibration, Parameter},
     select::attitude_groups::{Motion, Sides},
     start::{
@@ -132,7 +133,7 @@ pub fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<M
         return Err(Error::NoUsableMotion {
             pairs: pairs.len(),
             reason: "none shows a turn above its noise".into(),
-            remedy: "Give more matches, or turn the camera further".into(),
+            remedies: vec![Remedy::MoreMatches, Remedy::TurnFurther],
         });
     }
     Ok(out)

@@ -29,6 +29,7 @@ use crate::{
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
+    remedy::Remedy,
     result::{Covariance, Refinement, ResidualReport, ViewParameter, ViewReport},
     select::attitude_groups::{AttitudeGroup, Sides},
     start::{
@@ -343,9 +344,7 @@ impl Pipeline<'_> {
                      leave residuals {:.0} times as large as the matching noise: the camera moved, before a scene that is no floor",
                     patches.max(points).sqrt()
                 ),
-                remedy: "Turn the camera about its optical centre, or about the normal of a floor that it sees; name the true \
-                         motions with --pairs"
-                    .into(),
+                remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
             });
         }
         Ok(Joint::new(bundle, setup.tracks, images, options.tangential, &self.frame()))

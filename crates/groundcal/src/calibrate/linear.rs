@@ -13,6 +13,7 @@ use crate::{
         correspondence::{ImagePair, validated},
         plane_lens::Lens,
     },
+    remedy::Remedy,
     result::{Calibration, Warning},
     select::{
         attitude_groups::{Motion, Sides},
@@ -235,9 +236,12 @@ impl Pipeline<'_> {
                     selection.log_odds,
                     selection.needed_log_odds
                 ),
-                remedy: "Turn the camera without tilting it between the images of a motion; name the true motions with --pairs; give \
-                         --k1 for a wide lens, or --attitude-sigma-deg for a carrier that pitches"
-                    .into(),
+                remedies: vec![
+                    Remedy::DoNotTilt,
+                    Remedy::NamePairs,
+                    Remedy::GiveLensCoefficients,
+                    Remedy::GiveAttitudeSigma,
+                ],
             });
         }
         let verdicts = selection.verdicts;

@@ -100,7 +100,7 @@ impl Pipeline<'_> {
             match self.refine_jointly(pairs, results, &chosen, &solution, known, &joint_options) {
                 Ok(refined) => joint = refined,
                 Err(error) if error.is_degenerate() => return Err(error),
-                Err(error) => warnings.push(Warning::NotRefined { reason: error.to_string() }),
+                Err(error) => warnings.push(Warning::NotRefined { reason: error.finding() }),
             }
         }
         let mut lens_share = 0.0;

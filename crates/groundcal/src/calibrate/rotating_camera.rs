@@ -23,6 +23,7 @@ use crate::{
     error::Error,
     geometry::{distortion::Distortion, intrinsics::Intrinsics},
     pairs::{correspondence::ImagePair, plane_lens::Lens, refine::HomographyEstimate},
+    remedy::Remedy,
     result::{Calibration, Method, Scene, Warning},
     start::{
         absolute_conic::Constraint,
@@ -138,9 +139,7 @@ impl Pipeline<'_> {
                      three joined images are needed: the camera was moved between the images",
                     used.len()
                 ),
-                remedy: "Use the joint method (the default), which needs a floor but no fixed optical centre; or name the true \
-                         rotations with --pairs"
-                    .into(),
+                remedies: vec![Remedy::UseJointMethod, Remedy::NamePairs],
             });
         }
         Ok(used)

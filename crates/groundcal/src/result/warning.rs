@@ -349,8 +349,10 @@ impl WarningReport {
 pub(crate) mod list {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-    use super::{Warning, WarningReport};
-    use crate::remedy::Plain;
+    use crate::{
+        remedy::Plain,
+        result::warning::{Warning, WarningReport},
+    };
 
     /// As it may be read: with the numbers of this version, or by another version with words alone.
     #[derive(Deserialize)]

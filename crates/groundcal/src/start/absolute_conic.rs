@@ -23,6 +23,7 @@ use crate::{
         linalg::{ComplexPoint, bilinear, inverse_spd, symmetric_eigen},
     },
     pairs::circular_points::CircularPoint,
+    remedy::Remedy,
 };
 
 pub use crate::geometry::constraint::Constraint;
@@ -346,10 +347,11 @@ pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f6
                 return Err(Error::NotPositiveDefinite {
                     constraint: constraint.name(),
                     eigenvalues,
-                    remedy:
-                        "Use motions with a clear turn (15 to 60 degrees) at different tilts and rolls, or a stronger \
-                             constraint (`--constraint focal` needs one attitude only)"
-                            .into(),
+                    remedies: vec![
+                        Remedy::CLEAR_TURN,
+                        Remedy::VaryTiltAndRoll,
+                        Remedy::UseConstraint { any_of: vec![Constraint::Focal] },
+                    ],
                 });
             }
             // The first weights may be far off; the next round has another chance from them.
@@ -379,9 +381,7 @@ pub fn solve_unweighted(points: &[ComplexPoint], constraint: Constraint, aspect:
     k.map(|k| parameters_of(&k)).map_err(|eigenvalues| Error::NotPositiveDefinite {
         constraint: constraint.name(),
         eigenvalues,
-        remedy:
-            "Use motions with a clear turn (15 to 60 degrees) at different tilts and rolls, or a stronger constraint"
-                .into(),
+        remedies: vec![Remedy::CLEAR_TURN, Remedy::VaryTiltAndRoll],
     })
 }
 
@@ -407,9 +407,7 @@ fn check_rank(signal: &DMatrix<f64>, noise: &DMatrix<f64>, constraint: Constrain
                 "a whole family of cameras fits the motions equally well (signal over noise {ratio:.2}, at least \
                  {MIN_SIGNAL_OVER_NOISE} is needed)"
             ),
-            remedy: "Tilt or roll the camera by 20 degrees and repeat a motion, or use a stronger constraint \
-                     (`--constraint focal`)"
-                .into(),
+            remedies: vec![Remedy::TiltOrRoll { deg: 20.0 }, Remedy::UseConstraint { any_of: vec![Constraint::Focal] }],
         });
     }
     Ok(())

@@ -12,6 +12,7 @@ use crate::{
         linalg::ComplexPoint,
         statistics::{VarianceComponent, chi_squared_survival},
     },
+    remedy::Remedy,
     select::attitude_groups::{AttitudeGroup, Motion, group_attitudes, regroup},
     start::absolute_conic::{
         ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, parameters_of, refine,
@@ -158,7 +159,7 @@ pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) 
         return Err(Error::NoUsableMotion {
             pairs: 0,
             reason: "no motion is left".into(),
-            remedy: "Turn the camera by 15 to 60 degrees between two images, without tilting it".into(),
+            remedies: vec![Remedy::CLEAR_TURN],
         });
     }
     let priors = options.priors(frame);
@@ -221,10 +222,10 @@ fn solve_groups(
     let constraint = options.constraint;
     let needed = constraint.attitudes_needed();
     if groups.len() < needed {
-        let alternative = if groups.len() == 1 {
-            "`--constraint auto`, `focal` or `fixed-pp`"
+        let alternatives = if groups.len() == 1 {
+            vec![Constraint::Auto, Constraint::Focal, Constraint::FixedPrincipalPoint]
         } else {
-            "`--constraint zero-skew` or `square`"
+            vec![Constraint::ZeroSkew, Constraint::Square]
         };
         return Err(Error::TooFewAttitudes {
             constraint: constraint.name(),
@@ -232,7 +233,7 @@ fn solve_groups(
             needed,
             motions,
             attitudes: groups.len(),
-            alternative: alternative.into(),
+            alternatives,
         });
     }
     let points: Vec<WeightedPoint> = groups.iter().map(|g| g.fused.clone()).collect();
@@ -242,14 +243,14 @@ fn solve_groups(
             Error::Undetermined {
                 constraint,
                 direction: format!("{direction}; the camera looks straight down on the plane in every motion, which says nothing of the focal length"),
-                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+                remedies: vec![Remedy::TILT_DOWN],
             }
         }
         Error::NotPositiveDefinite { constraint, .. } if points.iter().all(|p| looks_straight_down(&p.point.point)) => {
             Error::Undetermined {
                 constraint,
                 direction: "the camera looks straight down on the plane in every motion, which says nothing of the focal length".into(),
-                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+                remedies: vec![Remedy::TILT_DOWN],
             }
         }
         Error::NotPositiveDefinite { constraint, eigenvalues, .. }
@@ -258,9 +259,11 @@ fn solve_groups(
             Error::NotPositiveDefinite {
                 constraint,
                 eigenvalues,
-                remedy: "One attitude with a roll near 0 or 90 degrees does not tell fx from fy: roll the camera by 20 degrees or more, or \
-                         use `--constraint focal`"
-                    .into(),
+                // One attitude with a roll near 0 or 90 degrees does not tell fx from fy.
+                remedies: vec![
+                    Remedy::RollCamera { deg: 20.0 },
+                    Remedy::UseConstraint { any_of: vec![Constraint::Focal] },
+                ],
             }
         }
         error => error,
@@ -292,7 +295,7 @@ fn solve_points(
             attitudes(points.len()),
             constraint.unknowns()
         ),
-        remedy: remedy(constraint),
+        remedies: remedies(constraint),
     })?;
     check_certainty(&solution.covariance, constraint, points.len(), frame)?;
     Ok(solution)
@@ -302,14 +305,12 @@ fn attitudes(count: usize) -> String {
     if count == 1 { "1 attitude".into() } else { format!("{count} attitudes") }
 }
 
-fn remedy(constraint: Constraint) -> String {
-    let weaker = match constraint {
-        Constraint::Auto | Constraint::Focal => "",
-        _ => ", or use a stronger constraint (`--constraint auto` or `focal`)",
-    };
-    format!(
-        "Tilt the camera to 30 to 60 degrees below the horizon, roll it by 20 degrees or more for another motion, and turn it by 15 to 60 degrees{weaker}"
-    )
+fn remedies(constraint: Constraint) -> Vec<Remedy> {
+    let mut remedies = vec![Remedy::TILT_DOWN, Remedy::RollCamera { deg: 20.0 }, Remedy::CLEAR_TURN];
+    if !matches!(constraint, Constraint::Auto | Constraint::Focal) {
+        remedies.push(Remedy::UseConstraint { any_of: vec![Constraint::Auto, Constraint::Focal] });
+    }
+    remedies
 }
 
 /// With priors any start will do that is on the right side: the linear solutions, else the best of a few focal lengths.
@@ -353,7 +354,7 @@ pub fn check_certainty(
     Err(Error::Undetermined {
         constraint: constraint.name(),
         direction: format!("{} would give {uncertain}", attitudes(groups)),
-        remedy: remedy(constraint),
+        remedies: remedies(constraint),
     })
 }
 
