@@ -8,6 +8,7 @@ mod man;
 mod plan;
 mod progress;
 mod rectify;
+mod remedies;
 mod simulate;
 mod undistort;
 
@@ -38,6 +39,7 @@ use groundcal_report::{
     text::{self, SummaryOptions},
 };
 use progress::Progress;
+use remedies::Flags;
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
@@ -135,7 +137,7 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     }
     if let Some(out) = &args.out {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::page(&calibration, &images)?) };
+        let page = if args.no_report { None } else { Some(html::page(&calibration, &images, &Flags)?) };
         let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
         for note in write_results(out, &calibration, &formats, page.as_deref())? {
             let _ = writeln!(std::io::stderr(), "note: {note}");
@@ -143,9 +145,10 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
         times.push(("writing", start.elapsed()));
     }
     let page = if args.json {
-        export::json(&calibration)?
+        export::json(&calibration, &Flags)?
     } else {
-        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() })
+        let options = SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() };
+        text::summary(&calibration, &options, &Flags)
     };
     print(&page)?;
     if args.verbose {
@@ -197,7 +200,7 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError
             let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
             if table.neighbours_only {
-                calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
+                calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }
             Ok(Calibrated { calibration, images: Vec::new() })
         }
@@ -232,7 +235,7 @@ fn write_results(
 ) -> Result<Vec<String>, CliError> {
     std::fs::create_dir_all(out)
         .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
-    let json = export::json(calibration)?;
+    let json = export::json(calibration, &Flags)?;
     let rendered = export::formats::render(calibration, formats)?;
     if let Some(page) = page {
         export::write_whole(&out.join("report.html"), page.as_bytes())?;

@@ -2,7 +2,7 @@
 
 use groundcal::{
     plan::{PlannedMotion, Prediction, Shares},
-    result::{Prior, WarningReport},
+    result::{Prior, Warning, WarningReport},
 };
 use serde::Serialize;
 
@@ -14,8 +14,6 @@ use crate::{
 
 /// Room for the number of a shot.
 const INDENT: usize = 4;
-/// Code of the warning that is about the plan, not about the calibration to be expected of it.
-pub const LARGE_STRAYS: &str = "large_strays";
 
 /// Everything that is known of a plan.
 #[derive(Debug, Clone, Serialize)]
@@ -276,8 +274,9 @@ fn priors(report: &PlanReport) -> Table {
 
 fn warnings(report: &PlanReport, width: usize) -> String {
     let one = |w: &WarningReport| {
-        let expected = if w.code == LARGE_STRAYS { "" } else { "expect " };
-        format!("\n{}\n", wrapped(&format!("{expected}warning [{}]: {}", w.code, w.message), 0, width))
+        // That one is about the plan, the others are about the calibration to be expected of it.
+        let expected = if matches!(w.warning, Warning::LargeStrays { .. }) { "" } else { "expect " };
+        format!("\n{}\n", wrapped(&format!("{expected}warning [{}]: {}", w.warning.code(), w.message), 0, width))
     };
     report.warnings.iter().map(one).collect()
 }
