@@ -135,7 +135,18 @@ pub fn images(files: &[PathBuf]) -> Result<Vec<GrayImage>, IoError> {
 }
 
 fn image(path: &Path) -> Result<GrayImage, IoError> {
-    let decoded = decoded(path)?;
+    gray(path, decoded(path)?)
+}
+
+/// The content of an image file as grey values, upright; `path` stands for it in messages.
+///
+/// # Errors
+/// [`IoError::Input`] that names the file and what is wrong with it.
+pub fn gray_image(path: &Path, bytes: &[u8]) -> Result<GrayImage, IoError> {
+    gray(path, decode(path, bytes)?)
+}
+
+fn gray(path: &Path, decoded: DynamicImage) -> Result<GrayImage, IoError> {
     let size = ImageSize::new(decoded.width() as usize, decoded.height() as usize);
     GrayImage::from_rows(size, grey(decoded))
         .ok_or_else(|| IoError::Input(format!("{}: a pixel value is not a finite number", path.display())))
@@ -145,10 +156,15 @@ fn image(path: &Path) -> Result<GrayImage, IoError> {
 pub fn decoded(path: &Path) -> Result<DynamicImage, IoError> {
     let fail = |what: String| IoError::Input(format!("{}: {what}", path.display()));
     let bytes = std::fs::read(path).map_err(|e| fail(format!("cannot be read: {e}")))?;
+    decode(path, &bytes)
+}
+
+fn decode(path: &Path, bytes: &[u8]) -> Result<DynamicImage, IoError> {
+    let fail = |what: String| IoError::Input(format!("{}: {what}", path.display()));
     if bytes.is_empty() {
         return Err(fail("the file is empty. Copy it again or remove it".into()));
     }
-    let mut reader = ImageReader::new(std::io::Cursor::new(&bytes))
+    let mut reader = ImageReader::new(std::io::Cursor::new(bytes))
         .with_guessed_format()
         .map_err(|e| fail(format!("cannot be read: {e}")))?;
     let format = reader.format().ok_or_else(|| {
@@ -165,7 +181,7 @@ pub fn decoded(path: &Path) -> Result<DynamicImage, IoError> {
             "damaged or truncated, or a kind of image this program does not read ({e}). Copy or export it again"
         )),
     };
-    if format == image::ImageFormat::Jpeg && !ends_like_a_jpeg(&bytes) {
+    if format == image::ImageFormat::Jpeg && !ends_like_a_jpeg(bytes) {
         return Err(fail("truncated: the JPEG has no end marker. Copy it again from the camera".into()));
     }
     let mut decoder = reader.into_decoder().map_err(damaged)?;

@@ -10,7 +10,9 @@
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
+pub mod carriers;
 mod information;
+pub mod report;
 mod search;
 
 use nalgebra::SMatrix;

@@ -5,15 +5,15 @@ use std::path::Path;
 use groundcal::{
     calibrate::{LensModel, Options},
     error::Error,
-    plan::{MIN_MATCHES, PlanOptions, Planner, Start},
+    plan::{MIN_MATCHES, PlanOptions, Planner, Start, carriers::CarrierMotion},
     start::{
         absolute_conic::Constraint,
         linear_camera::{GivenPrior, PriorParameter},
     },
 };
 
+use crate::commands::plan::args::{DEFAULT_NOISE_PX, DEFAULT_POINTS, PlanArgs};
 use crate::error::CliError;
-use crate::plan::{PlanArgs, RigReport};
 use groundcal_io::import::groundcal_json::{Calibration, Motion, Prior};
 
 /// The names of the covariance's rows, in order.
@@ -22,15 +22,15 @@ const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
 const LEAST_NOISE_PX: f64 = 1e-3;
 
 /// A calibration to improve.
-pub struct Known {
+pub(crate) struct Known {
     file: Calibration,
     /// Its covariance.
-    pub covariance: Start,
+    pub(crate) covariance: Start,
     name: String,
 }
 
 /// Reads calibration.json, or that in a folder.
-pub fn read(path: &Path) -> Result<Known, CliError> {
+pub(crate) fn read(path: &Path) -> Result<Known, CliError> {
     let file = Calibration::read(path)?;
     let name = path.display().to_string();
     let fail =
@@ -50,12 +50,12 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 
 impl Known {
     /// Height of the camera over the floor in metres, where the calibration knows it.
-    pub fn height_m(&self) -> Option<f64> {
+    pub(crate) fn height_m(&self) -> Option<f64> {
         self.file.camera_height_m
     }
 
     /// Camera, priors, noise and matches as this calibration has them, unless they are given.
-    pub fn options(&self, args: &PlanArgs, rig: &RigReport) -> Result<PlanOptions, CliError> {
+    pub(crate) fn options(&self, args: &PlanArgs, motion: &CarrierMotion) -> Result<PlanOptions, CliError> {
         let c = &self.file.camera;
         let named = |n: &String| Constraint::ALL.into_iter().find(|k| k.name() == n.as_str());
         let constraint = self.file.constraint.as_ref().and_then(named).unwrap_or(Constraint::Auto);
@@ -67,9 +67,9 @@ impl Known {
             intrinsics: c.intrinsics(),
             distortion: c.lens(),
             size: c.size(),
-            rig: rig.rig(),
-            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(super::DEFAULT_NOISE_PX),
-            points: super::DEFAULT_POINTS,
+            rig: motion.rig(),
+            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(DEFAULT_NOISE_PX),
+            points: DEFAULT_POINTS,
             motions: args.motions.unwrap_or(2) as usize,
             calibration: Options {
                 constraint,
@@ -84,7 +84,7 @@ impl Known {
             Some(points) => f64::from(points),
             None => self
                 .points(&Planner::new(&options, Some(&self.covariance)).map_err(|e| self.named(e))?)
-                .unwrap_or(super::DEFAULT_POINTS),
+                .unwrap_or(DEFAULT_POINTS),
         };
         Ok(options)
     }

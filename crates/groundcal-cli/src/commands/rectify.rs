@@ -5,7 +5,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::args::PictureFormatArg;
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::{
@@ -18,7 +17,11 @@ use groundcal::{
 use nalgebra::{Matrix3, Vector2};
 use serde::Serialize;
 
-use crate::{args::parse_height, error::CliError};
+use crate::{
+    args::{PictureFormatArg, ThreadsArg, parse_height},
+    error::CliError,
+    output,
+};
 use groundcal_io::{
     export::write_whole,
     import::groundcal_json::{Calibration, Placed},
@@ -36,54 +39,53 @@ use groundcal_io::{
 Beside each picture: a world file (.pgw, .jgw) and a JSON file with the homography from the image to the floor. Lengths \
 are in heights of the camera at the first view, in metres with --camera-height (here or in calibrate). Exit codes: 0 \
 pictures, 2 wrong usage, 4 unreadable or unusable input, 1 anything else.")]
-pub struct RectifyArgs {
+pub(crate) struct RectifyArgs {
     /// calibration.json of `groundcal calibrate --out`, or the folder it is in
-    pub calibration: PathBuf,
+    pub(crate) calibration: PathBuf,
 
     /// The images of the calibration: folders, files, glob patterns [default: looked for beside calibration.json and in the current
     /// folder]
     #[arg(value_name = "IMAGES")]
-    pub inputs: Vec<String>,
+    pub(crate) inputs: Vec<String>,
 
     /// Folder for the pictures (made if need be)
     #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
+    pub(crate) out: PathBuf,
 
     /// One picture of all views of a set (common points connect them) instead of one for each
     #[arg(long)]
-    pub mosaic: bool,
+    pub(crate) mosaic: bool,
 
     /// Pixels for a camera height, or for a metre where lengths are in metres [default: that of the images' middling pixel, as 1, 2 or
     /// 5 times a power of ten]
     #[arg(long, value_name = "PX", value_parser = parse_positive, allow_negative_numbers = true)]
-    pub resolution: Option<f64>,
+    pub(crate) resolution: Option<f64>,
 
     /// How far from the point below the camera the floor is shown, in camera heights, or in metres where lengths are [default: 5 camera
     /// heights]
     #[arg(long, value_name = "DISTANCE", value_parser = parse_positive, allow_negative_numbers = true)]
-    pub extent: Option<f64>,
+    pub(crate) extent: Option<f64>,
 
     /// Height of the camera over the floor in metres at the first view of each set [default: that of the calibration, else lengths are
     /// in camera heights]
     #[arg(long, value_name = "METRES", value_parser = parse_height, allow_negative_numbers = true)]
-    pub camera_height: Option<f64>,
+    pub(crate) camera_height: Option<f64>,
 
     /// Which way is up in the picture
     #[arg(long, value_enum)]
-    pub up: Option<Up>,
+    pub(crate) up: Option<Up>,
 
     /// Kind of picture
     #[arg(long, value_enum, default_value_t = PictureFormatArg::Png)]
-    pub format: PictureFormatArg,
+    pub(crate) format: PictureFormatArg,
 
-    /// Threads [default: all processors]; the result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub(crate) threads: ThreadsArg,
 }
 
 /// Which way is up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Up {
+pub(crate) enum Up {
     /// The way the camera looks (of a mosaic: that of its first view); default for single views
     Heading,
     /// +Y of the world, +X to the right; default for mosaics
@@ -155,8 +157,18 @@ struct Work<'a> {
     max_distance: f64,
 }
 
-/// Runs the command; returns what is printed, with notes for standard error.
-pub fn run(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
+/// Runs the command; what was left out is told on standard error.
+pub(crate) fn run(args: &RectifyArgs) -> Result<(), CliError> {
+    output::refuse_file(&args.out)?;
+    let (text, notes) = output::on_threads(args.threads, || pictures_of(args))?;
+    for note in notes {
+        output::note(&note);
+    }
+    output::print(&text)
+}
+
+/// What is printed, with notes for standard error.
+fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
     let calibration = Calibration::read(&args.calibration)?;
     let camera_height_m = args.camera_height.or(calibration.camera_height_m);
     let scale = args.camera_height.map_or(1.0, |h| h / calibration.camera_height_m.unwrap_or(1.0));

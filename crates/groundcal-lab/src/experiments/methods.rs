@@ -32,20 +32,20 @@ use rayon::prelude::*;
 
 /// A number of the camera: its error against truth and the stated standard deviation, both in per cent.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Score {
+pub(crate) struct Score {
     /// Error. Of the focal length (along x, of itself) and the aspect ratio (fy / fx, of itself) with its sign; of the principal
     /// point its distance from the truth, of the focal length.
-    pub error: f64,
+    pub(crate) error: f64,
     /// `None`: the constraint holds the number.
-    pub sd: Option<f64>,
+    pub(crate) sd: Option<f64>,
 }
 
 /// A camera against the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Scores {
-    pub focal: Score,
-    pub aspect: Score,
-    pub principal_point: Score,
+pub(crate) struct Scores {
+    pub(crate) focal: Score,
+    pub(crate) aspect: Score,
+    pub(crate) principal_point: Score,
 }
 
 impl Scores {
@@ -74,23 +74,23 @@ impl Scores {
         }
     }
 
-    pub fn of_calibration(truth: &Intrinsics, c: &Calibration, constraint: Constraint) -> Self {
+    pub(crate) fn of_calibration(truth: &Intrinsics, c: &Calibration, constraint: Constraint) -> Self {
         Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| c.covariance.matrix[i][j])
     }
 }
 
 /// A homography a motion from the matched features of its two pictures, without and with its circular point.
-pub struct Measured {
-    pub frame: Frame,
-    pub homographies: Vec<HomographyEstimate>,
+pub(crate) struct Measured {
+    pub(crate) frame: Frame,
+    pub(crate) homographies: Vec<HomographyEstimate>,
     /// Those that show a turn.
-    pub motions: Vec<Motion>,
+    pub(crate) motions: Vec<Motion>,
     /// Fewest and most inliers of a motion.
-    pub matches: [usize; 2],
+    pub(crate) matches: [usize; 2],
 }
 
 /// Matched features of the motions.
-pub fn match_pairs(images: &[GrayImage], pairs: &[(usize, usize)], options: &Options) -> Vec<ImagePair> {
+pub(crate) fn match_pairs(images: &[GrayImage], pairs: &[(usize, usize)], options: &Options) -> Vec<ImagePair> {
     let features: Vec<_> = images.par_iter().map(|i| detect(i, &options.features)).collect();
     pairs
         .par_iter()
@@ -105,7 +105,7 @@ pub fn match_pairs(images: &[GrayImage], pairs: &[(usize, usize)], options: &Opt
 ///
 /// # Errors
 /// That of the first motion without a homography; [`Error::NoUsableMotion`] when none shows a turn.
-pub fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<Measured, Error> {
+pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<Measured, Error> {
     let all: Vec<(HomographyEstimate, Option<Motion>, usize)> = pairs
         .par_iter()
         .enumerate()
@@ -174,7 +174,7 @@ fn solve(points: &[&CircularPoint], constraint: Constraint) -> Result<(Parameter
 ///
 /// # Errors
 /// See [`solve`].
-pub fn linear(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
+pub(crate) fn linear(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
     let points: Vec<&CircularPoint> = measured.motions.iter().map(|m| &m.geometry.circular_point).collect();
     let (p, covariance) = solve(&points, constraint)?;
     let frame = &measured.frame;
@@ -189,7 +189,7 @@ pub fn linear(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -
 ///
 /// # Errors
 /// Those of [`calibrate_rotating`].
-pub fn rotating(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
+pub(crate) fn rotating(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
     let options = RotatingOptions { constraint, aspect: 1.0, weighting: Weighting::Uniform };
     let s = calibrate_rotating(&measured.homographies, &options)?;
     Ok(Scores::new(truth, &s.intrinsics, constraint, |i, j| s.covariance_px[(i, j)]))
@@ -199,7 +199,7 @@ pub fn rotating(measured: &Measured, truth: &Intrinsics, constraint: Constraint)
 ///
 /// # Errors
 /// Those of [`calibrate_matched_images`].
-pub fn groundcal(
+pub(crate) fn groundcal(
     names: &[String],
     images: &[GrayImage],
     pairs: &[ImagePair],

@@ -1,22 +1,21 @@
-//! The simulation study: runs the trials, writes a table (CSV) and a figure (SVG, PNG) for each study, prints a summary.
+//! The paper's figure 4: a table, a figure and a page for each of its five studies.
 
-mod further;
-
-use std::{fmt::Write, path::Path};
+use std::fmt::Write;
 
 use groundcal::start::absolute_conic::Constraint;
-use groundcal_lab::studies::figure4::{
-    Condition, MAX_SHIFT_M, Method, Study, Summary, Trial, summarise, summarise_bound, trial,
-};
-use indicatif::{ProgressBar, ProgressStyle};
-use rayon::prelude::*;
+use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style};
 
 use crate::{
-    args::{SimulateArgs, StudyArg},
-    error::CliError,
+    error::LabError,
+    progress::Progress,
+    studies::{
+        figure4::{Condition, MAX_SHIFT_M, Method, Study, Summary, Trial, summarise, summarise_bound, trial},
+        reports::output::{
+            BLACK, BLUE, DASHED, DOTTED, GREEN, ORANGE, PURPLE, RED, SKY, StudyOutput, trials, with_failures,
+        },
+    },
+    tables::{csv, optional, six_digits_trimmed},
 };
-use groundcal_io::export::write_whole;
-use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
 
 /// The trials of one condition, summed up: each of [`Method::ALL`], then the bound.
 struct Row {
@@ -25,67 +24,17 @@ struct Row {
     summaries: Vec<Summary>,
 }
 
-/// Runs the studies asked for and gives the summary for standard output. Every file appears whole or not at all, and those of
-/// a study that is done stay when a later one is interrupted.
-pub fn run(args: &SimulateArgs) -> Result<String, CliError> {
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", args.out.display())))?;
-    let mut page = String::new();
-    for study in args.study.studies() {
-        let rows = simulate(study, args.trials, args.seed);
-        write_files(&args.out, study.name(), &table(study, &rows)?, &figure(study, &rows, args.trials))?;
-        // Writing to a string cannot fail.
-        let _ = summary(&mut page, study, &rows, args.trials);
-    }
-    for (name, run) in further::STUDIES {
-        if args.study != StudyArg::All && args.study.name() != Some(name) {
-            continue;
-        }
-        let output = run(args.trials, args.seed)?;
-        write_files(&args.out, name, &output.table, &output.figure)?;
-        page.push_str(&output.page);
-    }
-    Ok(page)
-}
-
-/// Pixels of the PNG for one of the SVG: sharp on dense screens.
-const PNG_SCALE: f64 = 2.0;
-/// Median absolute value of a normal variable of unit variance.
-const HALF_NORMAL_MEDIAN: f64 = 0.674_489_750_196_082;
-
-/// NAME.csv, NAME.svg and NAME.png.
-fn write_files(out: &Path, name: &str, table: &[u8], figure: &Figure) -> Result<(), CliError> {
-    let path = |extension: &str| out.join(format!("{name}.{extension}"));
-    write_whole(&path("csv"), table)?;
-    let canvas = figure.layout();
-    write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-    Ok(write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?)
-}
-
-/// Draws nothing where standard error is not a terminal.
-fn progress_bar(name: &'static str, trials: u64) -> ProgressBar {
-    let bar = ProgressBar::new(trials);
-    if let Ok(style) = ProgressStyle::with_template("{msg:24} [{bar:40}] {pos}/{len} trials, {eta} left") {
-        bar.set_style(style.progress_chars("=> "));
-    }
-    bar.set_message(name);
-    bar
-}
-
-fn simulate(study: Study, trials: u32, seed: u64) -> Vec<Row> {
+/// Runs the trials of a study.
+///
+/// # Errors
+/// [`LabError::Other`] when the table cannot be written.
+pub fn run(study: Study, count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
     let conditions = study.conditions();
-    let bar = progress_bar(study.name(), conditions.len() as u64 * u64::from(trials));
-    let rows = conditions
+    progress.begin(study.name(), conditions.len() as u64 * u64::from(count));
+    let rows: Vec<Row> = conditions
         .into_iter()
         .map(|condition| {
-            let outcomes: Vec<Trial> = (0..u64::from(trials))
-                .into_par_iter()
-                .map(|number| {
-                    let outcome = trial(&condition, seed, number);
-                    bar.inc(1);
-                    outcome
-                })
-                .collect();
+            let outcomes: Vec<Trial> = trials(count, progress, |number| trial(&condition, seed, number));
             let methods = (0..Method::ALL.len()).map(|i| summarise(&outcomes, i));
             Row {
                 condition,
@@ -94,8 +43,11 @@ fn simulate(study: Study, trials: u32, seed: u64) -> Vec<Row> {
             }
         })
         .collect();
-    bar.finish_and_clear();
-    rows
+    progress.finish();
+    let mut page = String::new();
+    // Writing to a string cannot fail.
+    let _ = summary(&mut page, study, &rows, count);
+    Ok(StudyOutput { table: table(study, &rows)?, figure: figure(study, &rows, count), page })
 }
 
 /// Name and constraint of each summary of a row.
@@ -131,21 +83,21 @@ const COLUMNS: [&str; 24] = [
 ];
 
 /// `NAME.csv`: one line a condition and method; empty where a number does not exist, `inf` for a median of failures.
-fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, CliError> {
+fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, LabError> {
     let mut records = Vec::new();
     for row in rows {
         let c = &row.condition;
         for ((name, constraint), s) in methods().zip(&row.summaries) {
-            let [lower, median, upper] = s.quartiles_percent.map(number);
+            let [lower, median, upper] = s.quartiles_percent.map(six_digits_trimmed);
             let mut record = vec![
                 study.name().to_string(),
-                number(c.value),
+                six_digits_trimmed(c.value),
                 c.matches.to_string(),
-                number(c.noise_px),
-                number(c.offset_m),
+                six_digits_trimmed(c.noise_px),
+                six_digits_trimmed(c.offset_m),
                 c.motions.to_string(),
-                number(c.turn_deg),
-                number(c.axis_error_deg),
+                six_digits_trimmed(c.turn_deg),
+                six_digits_trimmed(c.axis_error_deg),
                 name.to_string(),
                 constraint.name().to_string(),
                 s.trials.to_string(),
@@ -163,49 +115,21 @@ fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, CliError> {
             records.push(record);
         }
     }
-    csv_table(&COLUMNS, &records)
-}
-
-fn csv_table(columns: &[&str], records: &[Vec<String>]) -> Result<Vec<u8>, CliError> {
-    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table: {e}"));
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(columns).map_err(|e| fail(&e))?;
-    for record in records {
-        writer.write_record(record).map_err(|e| fail(&e))?;
-    }
-    writer.into_inner().map_err(|e| fail(&e))
-}
-
-/// Empty where there is no number.
-fn optional(value: Option<f64>) -> String {
-    value.map_or(String::new(), number)
-}
-
-/// Six significant digits, no trailing zeros.
-fn number(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let digits = (5 - value.abs().log10().floor() as i32).clamp(0, 20) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+    csv(&COLUMNS, &records)
 }
 
 /// Curves shown, in drawing order: index of the summary, label, look (colours of Okabe & Ito, told apart by the colour-blind)
 /// and whether its quartiles are.
 fn curves() -> [(usize, &'static str, Style, bool); 7] {
     let style = |color, width, dash, marker, filled| Style { color, width, dash, marker, filled };
-    const DASHED: &[f64] = &[7.0, 4.0];
-    let (sky, blue, orange, red, purple, green) =
-        ([86, 180, 233], [0, 114, 178], [230, 159, 0], [213, 94, 0], [204, 121, 167], [0, 158, 115]);
     [
-        (5, "rotating camera, zero skew", style(purple, 2.0, &[], Some(Marker::Diamond), true), true),
-        (0, "planar, linear homographies, full", style(sky, 2.0, &[], Some(Marker::Circle), true), false),
-        (1, "planar, linear homographies, zero skew", style(blue, 2.0, &[], Some(Marker::Square), true), false),
-        (2, "planar, nonlinear homographies, full", style(orange, 1.8, DASHED, Some(Marker::Circle), false), false),
-        (3, "planar, nonlinear homographies, zero skew", style(red, 1.8, DASHED, Some(Marker::Square), false), false),
-        (7, "groundcal, zero skew", style(green, 2.4, &[], Some(Marker::Triangle), true), true),
-        (8, "Cramér-Rao bound, planar motion, zero skew", style([0, 0, 0], 1.8, &[2.0, 3.0], None, false), false),
+        (5, "rotating camera, zero skew", style(PURPLE, 2.0, &[], Some(Marker::Diamond), true), true),
+        (0, "planar, linear homographies, full", style(SKY, 2.0, &[], Some(Marker::Circle), true), false),
+        (1, "planar, linear homographies, zero skew", style(BLUE, 2.0, &[], Some(Marker::Square), true), false),
+        (2, "planar, nonlinear homographies, full", style(ORANGE, 1.8, DASHED, Some(Marker::Circle), false), false),
+        (3, "planar, nonlinear homographies, zero skew", style(RED, 1.8, DASHED, Some(Marker::Square), false), false),
+        (7, "groundcal, zero skew", style(GREEN, 2.4, &[], Some(Marker::Triangle), true), true),
+        (8, "Cramér-Rao bound, planar motion, zero skew", style(BLACK, 1.8, DOTTED, None, false), false),
     ]
 }
 
@@ -304,8 +228,7 @@ fn summary(w: &mut String, study: Study, rows: &[Row], trials: u32) -> std::fmt:
         write!(w, "{:>8}{:>8}{:>9}", c.matches, c.offset_m, c.value)?;
         for (index, ..) in curves() {
             let s = &row.summaries[index];
-            let failures = if s.failures > 0 { format!(" ({})", s.failures) } else { String::new() };
-            write!(w, "{:>14}", format!("{:.3}{failures}", s.quartiles_percent[1]))?;
+            write!(w, "{:>14}", with_failures(s.quartiles_percent[1], s.failures))?;
         }
         let ours = &row.summaries[7];
         let ratio = ours.rmse_over_bound[0].map_or("-".into(), |r| format!("{r:.2}"));
@@ -319,20 +242,6 @@ fn summary(w: &mut String, study: Study, rows: &[Row], trials: u32) -> std::fmt:
 mod tests {
     use super::*;
     use groundcal_report::plot::{Anchor, Item, letters};
-
-    #[test]
-    fn numbers_have_six_digits() {
-        for (value, text) in [
-            (0.0, "0"),
-            (15.0, "15"),
-            (0.02, "0.02"),
-            (1.0 / 3.0, "0.333333"),
-            (123456.7, "123457"),
-            (f64::INFINITY, "inf"),
-        ] {
-            assert_eq!(number(value), text);
-        }
-    }
 
     #[test]
     fn the_curves_are_the_methods_their_labels_name() {

@@ -10,17 +10,25 @@ use groundcal::{
     pairs::correspondence::ImagePair,
     start::absolute_conic::Constraint,
 };
-use groundcal_lab::renderer::floor_matches::floor_matches;
 use rayon::prelude::*;
 
-use crate::error::CliError;
-use crate::experiment::{
-    Setup, accept,
-    methods::{self, Scores},
-    motions,
-    table::{Line, number},
+use crate::{
+    error::LabError,
+    experiments::{
+        methods::{self, Scores},
+        setup::{Description, ExperimentOutput, Setup, accept, motions},
+        table::Line,
+    },
+    renderer::floor_matches::floor_matches,
+    tables::{csv, six_digits},
 };
-use groundcal_io::export::write_whole;
+
+/// The experiment.
+pub(crate) const DESCRIPTION: Description = Description {
+    name: "mobile-head",
+    scene: include_str!("../../scenes/mobile-head.toml"),
+    paper: "focal length 8.2 % off",
+};
 
 /// Motions with a turn among the six views: neighbours in the pan before and after driving, and two across the drive.
 const PAIRS: [(usize, usize); 6] = [(0, 1), (1, 2), (3, 4), (4, 5), (1, 3), (1, 5)];
@@ -40,12 +48,13 @@ const METHODS: [(&str, bool); 4] = [("linear", false), ("groundcal", false), ("l
 /// What each of [`METHODS`] makes of one draw of matches.
 type Draw = [Outcome; 4];
 
-pub fn run(setup: &Setup) -> Result<String, CliError> {
+/// Draws matches, renders, calibrates and sums up.
+pub(crate) fn run(setup: &Setup) -> Result<ExperimentOutput, LabError> {
     let draws: Vec<Draw> = (0..if setup.quick { QUICK_DRAWS } else { DRAWS })
         .into_par_iter()
         .map(|number| draw(setup, number))
-        .collect::<Result<_, CliError>>()?;
-    write_whole(&setup.path("_draws.csv"), &csv(&draws)?)?;
+        .collect::<Result<_, LabError>>()?;
+    let of_draws = setup.file("_draws.csv", draws_table(&draws)?);
 
     let pictures = setup.pictures(&PAIRS, 3)?;
     let measured = methods::measure(&pictures.matched, setup.frame(false), &setup.options(Constraint::Focal, false))?;
@@ -62,11 +71,13 @@ pub fn run(setup: &Setup) -> Result<String, CliError> {
         }));
     }
     lines.extend(setup.lines(&pictures, &[Constraint::Focal, Constraint::Auto])?);
-    Ok(format!("{}{}\n{}", motions(&measured), setup.table(&lines)?, summary(&draws)))
+    let (of_lines, table) = setup.table(&lines)?;
+    let files = [of_draws].into_iter().chain(pictures.files).chain([of_lines]).collect();
+    Ok(setup.output(&format!("{}{table}\n{}", motions(&measured), summary(&draws)), files))
 }
 
 /// Matches of one draw, at the full size of the pictures, and what the methods make of them.
-fn draw(setup: &Setup, number: u64) -> Result<Draw, CliError> {
+fn draw(setup: &Setup, number: u64) -> Result<Draw, LabError> {
     let scene = &setup.full_scene;
     let truth = scene.camera.intrinsics();
     let pairs: Vec<ImagePair> = PAIRS
@@ -76,10 +87,10 @@ fn draw(setup: &Setup, number: u64) -> Result<Draw, CliError> {
             let seed = setup.seed.wrapping_mul(1_000_003).wrapping_add(number * PAIRS.len() as u64 + i as u64);
             let count = HAND_MATCHES[0] + (number as usize + i) % (HAND_MATCHES[1] - HAND_MATCHES[0] + 1);
             let matches = floor_matches(scene, [from, to], count, HAND_SIGMA_PX, seed)
-                .map_err(|e| CliError::Other(format!("{}: {e}", setup.name)))?;
+                .map_err(|e| LabError::Other(format!("{}: {e}", setup.name)))?;
             Ok(ImagePair { from, to, matches })
         })
-        .collect::<Result<_, CliError>>()?;
+        .collect::<Result<_, LabError>>()?;
     let names: Vec<String> = scene.views().map(|(_, v)| v.file.clone()).collect();
     let size = scene.camera.size();
     let one = |&(method, told): &(&str, bool)| {
@@ -142,21 +153,17 @@ fn summary(draws: &[Draw]) -> String {
     page
 }
 
-fn csv(draws: &[Draw]) -> Result<Vec<u8>, CliError> {
-    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table of draws: {e}"));
-    let mut writer = csv::Writer::from_writer(Vec::new());
+fn draws_table(draws: &[Draw]) -> Result<Vec<u8>, LabError> {
     let head = ["draw", "method", "told_principal_point", "focal_error_percent", "focal_sd_percent", "refused"];
-    writer.write_record(head).map_err(|e| fail(&e))?;
+    let mut records = Vec::new();
     for (i, draw) in draws.iter().enumerate() {
         for ((method, told), outcome) in METHODS.iter().zip(draw) {
             let (error, sd, refused) = match outcome {
-                Ok(s) => (number(s.focal.error), s.focal.sd.map_or(String::new(), number), String::new()),
+                Ok(s) => (six_digits(s.focal.error), s.focal.sd.map_or(String::new(), six_digits), String::new()),
                 Err(e) => (String::new(), String::new(), e.to_string()),
             };
-            writer
-                .write_record([i.to_string(), method.to_string(), told.to_string(), error, sd, refused])
-                .map_err(|e| fail(&e))?;
+            records.push(vec![i.to_string(), method.to_string(), told.to_string(), error, sd, refused]);
         }
     }
-    writer.into_inner().map_err(|e| fail(&e))
+    csv(&head, &records)
 }

@@ -6,7 +6,6 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::args::PictureFormatArg;
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::undistort::{Fit, Undistortion},
@@ -16,7 +15,11 @@ use groundcal::{
 use serde::Serialize;
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 
-use crate::error::CliError;
+use crate::{
+    args::{PictureFormatArg, ThreadsArg},
+    error::CliError,
+    output,
+};
 use groundcal_io::{
     export::write_whole,
     import::groundcal_json::Calibration,
@@ -33,38 +36,37 @@ use groundcal_io::{
 straight/camera_undistorted.json is the camera of the new images (no distortion). With --maps, map_x.tiff and map_y.tiff \
 hold for each pixel of a new image the pixel of the original one, for cv2.remap (docs/formats.md). Exit codes: 0 images, 2 \
 wrong usage, 4 unreadable or unusable input, 1 anything else.")]
-pub struct UndistortArgs {
+pub(crate) struct UndistortArgs {
     /// calibration.json of `groundcal calibrate --out`, or the folder it is in
-    pub calibration: PathBuf,
+    pub(crate) calibration: PathBuf,
 
     /// Images of the camera: folders, files, glob patterns (none with --maps alone)
     #[arg(value_name = "IMAGES", required_unless_present = "maps")]
-    pub inputs: Vec<String>,
+    pub(crate) inputs: Vec<String>,
 
     /// Folder for the images (made if need be)
     #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
+    pub(crate) out: PathBuf,
 
     /// Which part of the undistorted scene is shown
     #[arg(long, value_enum, default_value_t = FitArg::Same)]
-    pub fit: FitArg,
+    pub(crate) fit: FitArg,
 
     /// Also write map_x.tiff and map_y.tiff
     #[arg(long)]
-    pub maps: bool,
+    pub(crate) maps: bool,
 
     /// Kind of picture
     #[arg(long, value_enum, default_value_t = PictureFormatArg::Png)]
-    pub format: PictureFormatArg,
+    pub(crate) format: PictureFormatArg,
 
-    /// Threads [default: all processors]; the result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub threads: Option<u16>,
+    #[command(flatten)]
+    pub(crate) threads: ThreadsArg,
 }
 
 /// [`Fit`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FitArg {
+pub(crate) enum FitArg {
     /// The same camera matrix
     Same,
     /// Everything the originals show, with empty borders
@@ -113,8 +115,18 @@ struct LensJson {
     p2: f64,
 }
 
-/// Runs the command; returns what is printed, with notes for standard error.
-pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
+/// Runs the command; what was left out is told on standard error.
+pub(crate) fn run(args: &UndistortArgs) -> Result<(), CliError> {
+    output::refuse_file(&args.out)?;
+    let (text, notes) = output::on_threads(args.threads, || images_of(args))?;
+    for note in notes {
+        output::note(&note);
+    }
+    output::print(&text)
+}
+
+/// What is printed, with notes for standard error.
+fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
     let calibration = Calibration::read(&args.calibration)?;
     let (k, lens, size) = (calibration.camera.intrinsics(), calibration.camera.lens(), calibration.camera.size());
     let undistortion = Undistortion::new(&k, &lens, size, args.fit.into())?;
@@ -143,8 +155,7 @@ pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
             )));
         }
     }
-    std::fs::create_dir_all(&args.out)
-        .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", args.out.display())))?;
+    output::make_folder(&args.out)?;
 
     let mut text = String::new();
     let new = undistortion.intrinsics();

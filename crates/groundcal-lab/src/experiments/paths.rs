@@ -18,17 +18,17 @@ const FEWEST_POINTS: usize = 10;
 
 /// A straight edge as measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EdgeLine {
+pub(crate) struct EdgeLine {
     /// Unit direction, pixels.
-    pub direction: Vector2<f64>,
+    pub(crate) direction: Vector2<f64>,
     /// Points used.
-    pub points: usize,
+    pub(crate) points: usize,
     /// Root mean square distance from the line, pixels.
-    pub rms_px: f64,
+    pub(crate) rms_px: f64,
 }
 
 /// The line through the edge near a chain of expected points (pixels); `None` where too little of it is seen.
-pub fn edge_line(picture: &GrayImage, expected: &[Vector2<f64>]) -> Option<EdgeLine> {
+pub(crate) fn edge_line(picture: &GrayImage, expected: &[Vector2<f64>]) -> Option<EdgeLine> {
     let (first, last) = (expected.first()?, expected.last()?);
     let along = (last - first).try_normalize(1e-9)?;
     let normal = Vector2::new(-along.y, along.x);
@@ -92,7 +92,7 @@ fn fit(mut points: Vec<Vector2<f64>>) -> Option<EdgeLine> {
 }
 
 /// The largest angle between any two of the lines, degrees.
-pub fn largest_angle_deg(lines: &[EdgeLine]) -> f64 {
+pub(crate) fn largest_angle_deg(lines: &[EdgeLine]) -> f64 {
     let angle = |a: &EdgeLine, b: &EdgeLine| {
         let (d, e) = (a.direction, b.direction);
         (d.x * e.y - d.y * e.x).abs().atan2(d.dot(&e).abs()).to_degrees()

@@ -1,22 +1,31 @@
 //! All subsets of a few motions (KZR figures 5 and 6): how large their errors are, how large they were predicted to be without
 //! truth, and whether the prediction tells good subsets from bad.
 
-use std::{fmt::Write, path::Path};
+use std::fmt::Write;
 
 use groundcal::{
     geometry::intrinsics::Intrinsics,
     numerics::statistics::spearman,
     start::{absolute_conic::Constraint, linear_camera::CameraOptions},
 };
-use groundcal_lab::subsets::{Subset, rank_subsets};
-
-use crate::error::CliError;
-use crate::experiment::{methods::Measured, table::number};
-use groundcal_io::export::write_whole;
 use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
 
+use crate::{
+    error::LabError,
+    experiments::{
+        methods::Measured,
+        setup::{OutputFile, Setup},
+    },
+    studies::reports::output::two_a_row,
+    subsets::{Subset, rank_subsets},
+    tables::{self, six_digits},
+};
+
+/// Pixels of the PNG for one of the SVG: sharp on dense screens.
+const PNG_SCALE: f64 = 2.0;
+
 /// A constraint and the number of motions it needs at least.
-pub type Minimal = (Constraint, usize);
+pub(crate) type Minimal = (Constraint, usize);
 
 /// The subsets of one constraint, the surest first.
 struct Ranking {
@@ -28,7 +37,7 @@ struct Ranking {
 
 /// The linear method's camera of every subset, as the paper has it: axes exactly normal, nothing of the camera known but the
 /// constraint.
-fn rank(measured: &Measured, truth: &Intrinsics, minimal: Minimal) -> Result<Ranking, CliError> {
+fn rank(measured: &Measured, truth: &Intrinsics, minimal: Minimal) -> Result<Ranking, LabError> {
     let options = CameraOptions {
         constraint: minimal.0,
         aspect: 1.0,
@@ -52,24 +61,23 @@ impl Ranking {
     }
 }
 
-/// Ranks the subsets under each constraint; writes `NAME_subsets.csv`, `.svg` and `.png`, and gives a summary.
-pub fn report(
-    name: &str,
-    out: &Path,
+/// Ranks the subsets under each constraint: `NAME_subsets.csv`, `.svg` and `.png`, and a summary.
+pub(crate) fn report(
+    setup: &Setup,
     measured: &Measured,
-    truth: &Intrinsics,
     minimal: &[Minimal],
-) -> Result<String, CliError> {
-    let rankings: Vec<Ranking> = minimal.iter().map(|&m| rank(measured, truth, m)).collect::<Result<_, _>>()?;
-    let path = |extension: &str| out.join(format!("{name}_subsets.{extension}"));
-    write_whole(&path("csv"), &csv(name, &rankings)?)?;
-    let canvas = figure(name, &rankings).layout();
-    write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-    write_whole(&path("png"), &png::encode(&canvas, 2.0).map_err(CliError::Other)?)?;
+) -> Result<(Vec<OutputFile>, String), LabError> {
+    let rankings: Vec<Ranking> = minimal.iter().map(|&m| rank(measured, &setup.truth, m)).collect::<Result<_, _>>()?;
+    let canvas = figure(setup.name, &rankings).layout();
+    let files = vec![
+        setup.file("_subsets.csv", csv(setup.name, &rankings)?),
+        setup.file("_subsets.svg", svg::document(&canvas).into_bytes()),
+        setup.file("_subsets.png", png::encode(&canvas, PNG_SCALE).map_err(LabError::Other)?),
+    ];
     let mut page = String::new();
     // Writing to a string cannot fail.
     let _ = summary(&mut page, &rankings);
-    Ok(page)
+    Ok((files, page))
 }
 
 fn summary(w: &mut String, rankings: &[Ranking]) -> std::fmt::Result {
@@ -123,26 +131,23 @@ const COLUMNS: [&str; 6] =
     ["experiment", "constraint", "motions", "predicted_rank", "predicted_sd_percent", "focal_error_percent"];
 
 /// A line a subset, the surest first; empty where there is no camera.
-fn csv(name: &str, rankings: &[Ranking]) -> Result<Vec<u8>, CliError> {
-    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table of subsets: {e}"));
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(COLUMNS).map_err(|e| fail(&e))?;
+fn csv(name: &str, rankings: &[Ranking]) -> Result<Vec<u8>, LabError> {
+    let mut records = Vec::new();
     for r in rankings {
         for (rank, (subset, error)) in r.subsets.iter().zip(&r.errors).enumerate() {
             let motions: Vec<String> = subset.motions.iter().map(|m| m.to_string()).collect();
-            let sd = error.map_or(String::new(), |_| number(100.0 * subset.predicted_sigma()));
-            let record = [
+            let sd = error.map_or(String::new(), |_| six_digits(100.0 * subset.predicted_sigma()));
+            records.push(vec![
                 name.to_string(),
                 r.minimal.0.name().to_string(),
                 motions.join(" "),
                 (rank + 1).to_string(),
                 sd,
-                error.map_or(String::new(), number),
-            ];
-            writer.write_record(&record).map_err(|e| fail(&e))?;
+                error.map_or(String::new(), six_digits),
+            ]);
         }
     }
-    writer.into_inner().map_err(|e| fail(&e))
+    tables::csv(&COLUMNS, &records)
 }
 
 /// True errors and predicted deviations, each in rising order, against the part of the subsets that have less.
@@ -171,19 +176,12 @@ fn figure(name: &str, rankings: &[Ranking]) -> Figure {
             }
         })
         .collect();
-    let mut rows: Vec<Vec<Panel>> = Vec::new();
-    for panel in panels {
-        match rows.last_mut().filter(|r| r.len() < 2) {
-            Some(row) => row.push(panel),
-            None => rows.push(vec![panel]),
-        }
-    }
     Figure {
         title: format!("Focal length from minimal sets of motions: {name}"),
         x_label: "subsets with less, % of all".into(),
         y_label: "error of fx, %".into(),
         x_log: false,
-        rows,
+        rows: two_a_row(panels),
         legend: vec![
             (Style { marker: None, ..error_style }, "true error".into()),
             (predicted_style, "predicted standard deviation".into()),

@@ -4,19 +4,22 @@ use std::fmt::Write;
 
 use groundcal::{error::Error, start::absolute_conic::Constraint};
 
-use crate::error::CliError;
-use crate::experiment::methods::{Score, Scores};
+use crate::{
+    error::LabError,
+    experiments::methods::{Score, Scores},
+    tables::{self, six_digits},
+};
 
 /// What one method made of one set of motions.
-pub struct Line {
+pub(crate) struct Line {
     /// What it worked from: `features`, `pictures` or `given`.
-    pub input: &'static str,
-    pub constraint: Constraint,
+    pub(crate) input: &'static str,
+    pub(crate) constraint: Constraint,
     /// Whether it was told the true principal point, where the constraint holds one; the image centre otherwise.
-    pub told_centre: bool,
-    pub method: &'static str,
-    pub motions: usize,
-    pub outcome: Result<Scores, Error>,
+    pub(crate) told_centre: bool,
+    pub(crate) method: &'static str,
+    pub(crate) motions: usize,
+    pub(crate) outcome: Result<Scores, Error>,
 }
 
 impl Line {
@@ -44,11 +47,8 @@ const COLUMNS: [&str; 13] = [
 
 /// The table as CSV: six significant digits; an empty deviation says that the constraint holds the number, empty errors that there
 /// is no camera, for the reason in the last column.
-pub fn csv(experiment: &str, lines: &[Line]) -> Result<Vec<u8>, CliError> {
-    let fail = |e: &dyn std::fmt::Display| CliError::Other(format!("cannot write the table: {e}"));
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(COLUMNS).map_err(|e| fail(&e))?;
-    for line in lines {
+pub(crate) fn csv(experiment: &str, lines: &[Line]) -> Result<Vec<u8>, LabError> {
+    let record = |line: &Line| {
         let mut record = vec![
             experiment.to_string(),
             line.input.to_string(),
@@ -60,8 +60,8 @@ pub fn csv(experiment: &str, lines: &[Line]) -> Result<Vec<u8>, CliError> {
         match &line.outcome {
             Ok(s) => {
                 for score in [s.focal, s.aspect, s.principal_point] {
-                    record.push(number(score.error));
-                    record.push(score.sd.map_or(String::new(), number));
+                    record.push(six_digits(score.error));
+                    record.push(score.sd.map_or(String::new(), six_digits));
                 }
                 record.push(String::new());
             }
@@ -70,22 +70,13 @@ pub fn csv(experiment: &str, lines: &[Line]) -> Result<Vec<u8>, CliError> {
                 record.push(error.to_string());
             }
         }
-        writer.write_record(&record).map_err(|e| fail(&e))?;
-    }
-    writer.into_inner().map_err(|e| fail(&e))
-}
-
-/// Six significant digits.
-pub fn number(value: f64) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let digits = (5 - value.abs().log10().floor() as i32).clamp(0, 12) as usize;
-    format!("{value:.digits$}")
+        record
+    };
+    tables::csv(&COLUMNS, &lines.iter().map(record).collect::<Vec<_>>())
 }
 
 /// The table as text: errors with their stated deviations, in per cent; reasons of refusals below.
-pub fn text(lines: &[Line]) -> String {
+pub(crate) fn text(lines: &[Line]) -> String {
     let mut page = String::new();
     let mut notes: Vec<String> = Vec::new();
     // Writing to a string cannot fail.

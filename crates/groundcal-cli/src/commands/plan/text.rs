@@ -3,10 +3,13 @@
 use std::fmt::Write;
 
 use clap::ValueEnum;
-use groundcal::plan::{PlannedMotion, Prediction, Shares};
+use groundcal::plan::{
+    PlannedMotion, Prediction, Shares,
+    report::{LARGE_STRAYS, PlanReport},
+};
 
 use crate::args::DistortionArg;
-use crate::plan::{LARGE_STRAYS, PlanArgs, Report, RigArg};
+use crate::commands::plan::args::{PlanArgs, RigArg};
 use groundcal_report::text::wrapped;
 
 const WIDTH: usize = 100;
@@ -14,14 +17,14 @@ const WIDTH: usize = 100;
 const INDENT: usize = 4;
 
 /// The page for standard output.
-pub fn page(report: &Report, args: &PlanArgs) -> String {
+pub(crate) fn page(report: &PlanReport, args: &PlanArgs) -> String {
     let mut page = String::new();
     // Writing to a string cannot fail.
     let _ = write_page(&mut page, report, args);
     page
 }
 
-fn write_page(out: &mut String, report: &Report, args: &PlanArgs) -> std::fmt::Result {
+fn write_page(out: &mut String, report: &PlanReport, args: &PlanArgs) -> std::fmt::Result {
     let (a, rig) = (&report.assumed, &report.rig);
     let rule = "-".repeat(WIDTH);
     writeln!(out, "{:^WIDTH$}", format!("groundcal {}: capture plan", env!("CARGO_PKG_VERSION")))?;
@@ -112,7 +115,7 @@ fn write_page(out: &mut String, report: &Report, args: &PlanArgs) -> std::fmt::R
 }
 
 /// The calibration the plan is made for.
-fn command(report: &Report, args: &PlanArgs) -> String {
+fn command(report: &PlanReport, args: &PlanArgs) -> String {
     let a = &report.assumed;
     let mut command = String::from("groundcal calibrate PICTURES/");
     if a.constraint != "auto" {
@@ -189,7 +192,7 @@ fn rest(p: &Prediction) -> String {
 }
 
 /// Standard deviations after each motion.
-fn table(out: &mut String, report: &Report) -> std::fmt::Result {
+fn table(out: &mut String, report: &PlanReport) -> std::fmt::Result {
     writeln!(
         out,
         "expected standard deviations, and the parts of the variance of f that would be gone if the principal"
@@ -235,7 +238,7 @@ fn percent(p: &Prediction) -> String {
 }
 
 /// Two or three significant digits without an exponent.
-pub fn short(value: f64) -> String {
+pub(crate) fn short(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
         return "0".into();

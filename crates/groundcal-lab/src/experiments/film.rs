@@ -14,17 +14,22 @@ use groundcal::{
         resample::{Pyramid, Raster, resample},
     },
 };
-use groundcal_lab::renderer::{render::RgbImage8, scene::FloorBox};
 use nalgebra::{Vector2, Vector3};
 
-use crate::error::CliError;
-use crate::experiment::{
-    Setup, accept, methods, motions,
-    paths::{EdgeLine, edge_line, largest_angle_deg},
+use crate::{
+    error::LabError,
+    experiments::{
+        methods,
+        paths::{EdgeLine, edge_line, largest_angle_deg},
+        setup::{Description, ExperimentOutput, OutputFile, Setup, accept, motions},
+    },
+    render_scene::{Rendered, encode},
+    renderer::{render::RgbImage8, scene::FloorBox},
 };
-use groundcal_io::export::write_whole;
-use groundcal_lab::render_scene::encode;
 
+/// The experiment.
+pub(crate) const DESCRIPTION: Description =
+    Description { name: "film", scene: include_str!("../../scenes/film.toml"), paper: "focal length 4.5 % off" };
 const PAIRS: [(usize, usize); 1] = [(0, 1)];
 /// How far the floor is rectified, in heights of the camera, and the side of its pixels at full size.
 const FARTHEST: f64 = 4.5;
@@ -36,26 +41,40 @@ const EDGE_STEP_M: f64 = 0.05;
 /// Border of the picture in which no edge is measured.
 const BORDER_PX: f64 = 8.0;
 
-pub fn run(setup: &Setup) -> Result<String, CliError> {
+/// Renders, calibrates, rectifies and sums up.
+pub(crate) fn run(setup: &Setup) -> Result<ExperimentOutput, LabError> {
     let pictures = setup.pictures(&PAIRS, 2)?;
     let options = setup.options(Constraint::Focal, false);
     let measured = methods::measure(&pictures.matched, setup.frame(false), &options)?;
     let lines = setup.lines(&pictures, &[Constraint::Focal])?;
-    let mut page = format!("{}{}", motions(&measured), setup.table(&lines)?);
-    if let Ok((_, calibration)) = accept(pictures.groundcal(&options, &setup.truth))? {
-        page += &floor_of(setup, &pictures.images[0], &calibration)?;
+    let (csv, table) = setup.table(&lines)?;
+    let mut page = format!("{}{table}", motions(&measured));
+    let mut floor = None;
+    if let Ok((_, calibration)) = accept(pictures.groundcal(&options, &setup.truth))?
+        && let (Some(frame), Some(rendered)) = (pictures.images.first(), pictures.rendered.first())
+    {
+        let (file, text) = floor_of(setup, frame, rendered, &calibration)?;
+        page += &text;
+        floor = Some(file);
     }
-    Ok(page)
+    Ok(setup.output(&page, pictures.files.into_iter().chain([csv]).chain(floor).collect()))
 }
 
-/// Rectifies the first frame, writes it, and measures its paths; beside it what the true camera gives.
-fn floor_of(setup: &Setup, frame: &GrayImage, calibration: &Calibration) -> Result<String, CliError> {
-    let [(_, first), ..] = setup.scene.views().collect::<Vec<_>>()[..] else { return Ok(String::new()) };
-    let report = calibration.views.iter().find(|v| v.image == first.file).ok_or_else(|| {
-        CliError::Calibration(Error::InvalidInput(format!("{} has no place on the floor", first.file)))
-    })?;
+/// Rectifies the first frame and measures its paths; beside it what the true camera gives.
+fn floor_of(
+    setup: &Setup,
+    frame: &GrayImage,
+    rendered: &Rendered,
+    calibration: &Calibration,
+) -> Result<(OutputFile, String), LabError> {
+    let report = calibration
+        .views
+        .iter()
+        .find(|v| v.image == rendered.file)
+        .ok_or_else(|| Error::InvalidInput(format!("{} has no place on the floor", rendered.file)))?;
     let found = FloorView::of_report(&calibration.camera, report)?;
-    let group = &setup.scene.groups[0];
+    let (group, first) = setup.scene.views().next().ok_or_else(|| LabError::Other("a scene without views".into()))?;
+    let group = &setup.scene.groups[group];
     let pose = View {
         pitch_down_rad: group.pitch_down_deg.to_radians(),
         roll_rad: group.roll_deg.to_radians(),
@@ -64,12 +83,10 @@ fn floor_of(setup: &Setup, frame: &GrayImage, calibration: &Calibration) -> Resu
     };
     let exact = FloorView::new(&setup.truth, &setup.scene.camera.distortion(), &pose)?;
 
-    let source = Pyramid::new(colour_picture(setup, &first.file)?);
+    let source = Pyramid::new(colour_picture(rendered)?);
     let flat = rectify(setup, &source, &found)?;
-    let path = setup.path("_floor.png");
     let png = encode(&flat.on_white(), "floor.png", 0)
-        .map_err(|e| CliError::Other(format!("cannot encode {}: {e}", path.display())))?;
-    write_whole(&path, &png)?;
+        .map_err(|e| LabError::Other(format!("cannot encode the picture of the floor: {e}")))?;
     let by_truth = rectify(setup, &source, &exact)?;
 
     let edges: Vec<Vec<Vector2<f64>>> = path_edges(setup).iter().map(|e| seen(setup, e)).collect();
@@ -98,7 +115,7 @@ fn floor_of(setup: &Setup, frame: &GrayImage, calibration: &Calibration) -> Resu
         flat.grid.size.height,
         1000.0 * flat.grid.unit_per_px * first.centre_m[2],
     );
-    Ok(page)
+    Ok((setup.file("_floor.png", png), page))
 }
 
 /// A picture of the floor from above, its upper side the view's heading.
@@ -111,12 +128,12 @@ struct Flat {
     grey: GrayImage,
 }
 
-fn rectify(setup: &Setup, source: &Pyramid, view: &FloorView) -> Result<Flat, CliError> {
+fn rectify(setup: &Setup, source: &Pyramid, view: &FloorView) -> Result<Flat, LabError> {
     let heading = view.heading();
     let right = Vector2::new(heading.y, -heading.x);
     let side = UNIT_PER_PX * if setup.quick { 2.0 } else { 1.0 };
     let grid = FloorGrid::covering(&view.seen_floor(source.picture().size(), FARTHEST), &right, side)
-        .ok_or_else(|| CliError::Other("the floor seen has no extent".into()))?;
+        .ok_or_else(|| LabError::Other("the floor seen has no extent".into()))?;
     let flat = resample(source, grid.size, |p| view.pixel_from_floor(&grid.floor_from_pixel(p)));
     let picture = RgbImage8 { size: grid.size, data: flat.picture.into_data() };
     Ok(Flat { grid, grey: picture.to_gray(), picture, coverage: flat.coverage })
@@ -174,10 +191,9 @@ fn edge_points(path: &FloorBox, side: f64) -> Vec<Vector3<f64>> {
 }
 
 /// A picture of the experiment as its file has it.
-fn colour_picture(setup: &Setup, file: &str) -> Result<Raster, CliError> {
-    let path = setup.path("").join(file);
-    let fail = |what: String| CliError::Input(format!("{}: {what}", path.display()));
-    let picture = image::open(&path).map_err(|e| fail(e.to_string()))?.into_rgb8();
+fn colour_picture(rendered: &Rendered) -> Result<Raster, LabError> {
+    let fail = |what: String| LabError::Other(format!("{}: {what}", rendered.file));
+    let picture = image::load_from_memory(&rendered.bytes).map_err(|e| fail(e.to_string()))?.into_rgb8();
     let size = ImageSize::new(picture.width() as usize, picture.height() as usize);
     Raster::from_rows(size, 3, picture.into_raw()).ok_or_else(|| fail("an empty picture".into()))
 }

@@ -14,7 +14,7 @@ use groundcal::geometry::{
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-use crate::error::CliError;
+use crate::{error::CliError, output};
 use groundcal_io::{
     export::write_whole,
     import::{self, ImportedCamera, PARAMETERS},
@@ -24,8 +24,6 @@ use groundcal_report::plot::{
     png, svg,
 };
 
-/// Pixels of the PNG for one of the canvas.
-const PNG_SCALE: f64 = 2.0;
 /// Beyond this many standard deviations, or below the probability of it, a difference is called significant.
 const SIGNIFICANT_P: f64 = 0.0027;
 
@@ -42,18 +40,18 @@ several. Each camera is compared with the first. One whose images have another s
 
 The reprojection difference is what remains when the second camera is turned to fit the first best, as it is for everybody who \
 estimates the camera's pose with it.")]
-pub struct CompareArgs {
+pub(crate) struct CompareArgs {
     /// Two or more files of cameras; each is compared with the first
     #[arg(required = true, num_args = 2.., value_name = "FILE")]
-    pub files: Vec<String>,
+    pub(crate) files: Vec<String>,
 
     /// Folder for comparison.json and the pictures difference_N.svg and .png (made if need be)
     #[arg(long, value_name = "DIR")]
-    pub out: Option<PathBuf>,
+    pub(crate) out: Option<PathBuf>,
 
     /// Print the comparison as JSON on standard output and nothing else there
     #[arg(long)]
-    pub json: bool,
+    pub(crate) json: bool,
 }
 
 /// All comparisons with the first camera.
@@ -122,8 +120,16 @@ struct Camera {
     covariance: Option<[[f64; 7]; 7]>,
 }
 
-/// Runs the command; returns what goes to standard output.
-pub fn run(args: &CompareArgs) -> Result<String, CliError> {
+/// Compares, writes the files of `--out` and prints the comparison.
+pub(crate) fn run(args: &CompareArgs) -> Result<(), CliError> {
+    if let Some(out) = &args.out {
+        output::refuse_file(out)?;
+    }
+    output::print(&comparison(args)?)
+}
+
+/// What goes to standard output.
+fn comparison(args: &CompareArgs) -> Result<String, CliError> {
     let cameras = args.files.iter().map(|f| import::read(f)).collect::<Result<Vec<ImportedCamera>, _>>()?;
     let known = cameras.iter().find_map(|c| c.size).ok_or_else(|| {
         CliError::Input(format!(
@@ -187,13 +193,12 @@ pub fn run(args: &CompareArgs) -> Result<String, CliError> {
 }
 
 fn write_files(out: &Path, json: &str, pictures: &[Field]) -> Result<(), CliError> {
-    std::fs::create_dir_all(out)
-        .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
+    output::make_folder(out)?;
     for (i, field) in pictures.iter().enumerate() {
         let canvas = field.layout();
         let path = |kind: &str| out.join(format!("difference_{}.{kind}", i + 1));
         write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-        write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
+        write_whole(&path("png"), &png::encode(&canvas, output::PNG_SCALE).map_err(CliError::Other)?)?;
     }
     Ok(write_whole(&out.join("comparison.json"), json.as_bytes())?)
 }

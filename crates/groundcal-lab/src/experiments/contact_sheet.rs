@@ -1,9 +1,8 @@
 //! All pictures of a scene on one sheet.
 
-use groundcal_lab::renderer::render::RgbImage8;
 use image::{ImageEncoder, RgbImage, codecs::jpeg::JpegEncoder, imageops};
 
-use crate::error::CliError;
+use crate::{error::LabError, renderer::render::RgbImage8};
 
 /// Width of a sheet and the gap between its pictures, pixels.
 const WIDTH: u32 = 980;
@@ -11,7 +10,7 @@ const GAP: u32 = 4;
 const QUALITY: u8 = 72;
 
 /// The pictures, `columns` a row, as JPEG.
-pub fn jpeg(pictures: &[RgbImage8], columns: u32) -> Result<Vec<u8>, CliError> {
+pub(crate) fn jpeg(pictures: &[&RgbImage8], columns: u32) -> Result<Vec<u8>, LabError> {
     let Some(first) = pictures.first() else { return Ok(Vec::new()) };
     let width = (WIDTH - GAP * (columns - 1)) / columns;
     let height = width * first.size.height as u32 / first.size.width as u32;
@@ -27,6 +26,6 @@ pub fn jpeg(pictures: &[RgbImage8], columns: u32) -> Result<Vec<u8>, CliError> {
     let mut bytes = Vec::new();
     JpegEncoder::new_with_quality(&mut bytes, QUALITY)
         .write_image(&sheet, sheet.width(), sheet.height(), image::ExtendedColorType::Rgb8)
-        .map_err(|e| CliError::Other(format!("cannot encode the sheet of pictures: {e}")))?;
+        .map_err(|e| LabError::Other(format!("cannot encode the sheet of pictures: {e}")))?;
     Ok(bytes)
 }
