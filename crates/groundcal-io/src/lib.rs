@@ -5,3 +5,4 @@ pub mod export;
 pub mod import;
 pub mod load;
 pub mod pictures;
+pub mod view_files;

@@ -1,32 +1,30 @@
 //! `groundcal rectify`: metric bird's-eye pictures of the floor, of each view or of all together.
 
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
-};
+use std::{fmt::Write, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::{
-        rectify::{Mosaic, rectify, source_resolution},
+        layout::{self, DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, ResolutionError, sets_of_one_world},
+        rectify::{Mosaic, rectify},
         view::{FloorGrid, FloorView},
     },
-    geometry::size::ImageSize,
     vision::resample::{Pyramid, Resampled},
 };
-use nalgebra::{Matrix3, Vector2};
-use serde::Serialize;
+use groundcal_io::{
+    export::{
+        floor_picture::{self, FloorPicture},
+        write_whole,
+    },
+    import::groundcal_json::{Calibration, Placed},
+    pictures::{self, PictureFormat},
+    view_files::{ViewFiles, look_beside, match_files},
+};
 
 use crate::{
     args::{PictureFormatArg, ThreadsArg, parse_height},
     error::CliError,
     output,
-};
-use groundcal_io::{
-    export::write_whole,
-    import::groundcal_json::{Calibration, Placed},
-    load,
-    pictures::{self, PictureFormat},
 };
 
 /// `groundcal rectify`.
@@ -92,53 +90,18 @@ pub(crate) enum Up {
     Y,
 }
 
-/// Camera heights shown by default.
-const EXTENT: f64 = 5.0;
-/// Pixels of one picture.
-const MAX_PIXELS: u64 = 100_000_000;
+impl From<Up> for layout::Up {
+    fn from(value: Up) -> Self {
+        match value {
+            Up::Heading => layout::Up::Heading,
+            Up::Y => layout::Up::Y,
+        }
+    }
+}
 
 fn parse_positive(text: &str) -> Result<f64, String> {
     let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && (1e-6..=1e9).contains(v));
     value.ok_or_else(|| "expected a positive number".into())
-}
-
-/// The file beside a picture.
-#[derive(Debug, Serialize)]
-struct Sidecar<'a> {
-    picture: String,
-    picture_size: [usize; 2],
-    pixel_centre: &'static str,
-    unit: &'static str,
-    camera_height_m: Option<f64>,
-    units_per_pixel: f64,
-    max_distance: f64,
-    /// The image at whose foot the world begins; null: below the optical centre.
-    origin: Option<&'a str>,
-    floor_from_picture: [[f64; 3]; 3],
-    views: Vec<SidecarView<'a>>,
-    camera: SidecarCamera,
-}
-
-#[derive(Debug, Serialize)]
-struct SidecarView<'a> {
-    image: &'a str,
-    floor_from_image: [[f64; 3]; 3],
-    picture_from_image: [[f64; 3]; 3],
-    position: [f64; 3],
-}
-
-#[derive(Debug, Serialize)]
-struct SidecarCamera {
-    image_size: [usize; 2],
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    skew: f64,
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
 }
 
 /// A view with its image file.
@@ -151,10 +114,9 @@ struct Found {
 struct Work<'a> {
     calibration: &'a Calibration,
     args: &'a RectifyArgs,
-    size: ImageSize,
+    layout: FloorLayout,
     /// Lengths in metres.
     camera_height_m: Option<f64>,
-    max_distance: f64,
 }
 
 /// Runs the command; what was left out is told on standard error.
@@ -167,7 +129,7 @@ pub(crate) fn run(args: &RectifyArgs) -> Result<(), CliError> {
     output::print(&text)
 }
 
-/// What is printed, with notes for standard error.
+/// Writes the pictures; what is printed, with notes for standard error.
 fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
     let calibration = Calibration::read(&args.calibration)?;
     let camera_height_m = args.camera_height.or(calibration.camera_height_m);
@@ -184,203 +146,93 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
             }
         )));
     }
-    let (found, mut notes) = matched(args, placed)?;
-    let unit_height = camera_height_m.unwrap_or(1.0);
+    let (found, mut notes) = found(args, placed)?;
+    let default_up = if args.mosaic { Up::Y } else { Up::Heading };
     let work = Work {
         calibration: &calibration,
         args,
-        size: calibration.camera.size(),
+        layout: FloorLayout {
+            size: calibration.camera.size(),
+            max_distance: args.extent.unwrap_or(DEFAULT_EXTENT_HEIGHTS * camera_height_m.unwrap_or(1.0)),
+            up: args.up.unwrap_or(default_up).into(),
+        },
         camera_height_m,
-        max_distance: args.extent.unwrap_or(EXTENT * unit_height),
     };
+    let sets = work.sets(&found);
+    let px_per_unit = work.resolution(&sets, &mut notes)?;
     // Images that cannot be used are refused before anything is written.
-    let resolution = work.resolution(&found, &mut notes)?;
-    let text = if args.mosaic {
-        work.mosaics(&found, resolution)?
+    let colour = work.check_all(&found)?;
+    output::make_folder(&args.out)?;
+    let mut text = format!(
+        "{px_per_unit} px per {}, floor shown to {} from below each camera\n",
+        work.unit(),
+        work.length(work.layout.max_distance)
+    );
+    if args.mosaic {
+        work.mosaics(&sets, px_per_unit, colour, &mut text)?;
     } else {
-        work.single_views(&found, resolution, &mut notes)?
-    };
+        work.single_views(&found, px_per_unit, &mut text, &mut notes)?;
+    }
     Ok((text, notes))
 }
 
-/// Which file is which view's.
-fn matched(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<String>), CliError> {
-    let mut notes = Vec::new();
-    if args.inputs.is_empty() {
-        let beside =
+/// The views whose files are there, and notes on the others.
+fn found(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<String>), CliError> {
+    let images: Vec<&str> = placed.iter().map(|p| p.image.as_str()).collect();
+    let beside = args.inputs.is_empty();
+    let matched: ViewFiles = if beside {
+        let folder =
             if args.calibration.is_dir() { Some(args.calibration.as_path()) } else { args.calibration.parent() };
-        let mut found = Vec::new();
-        let mut missing = Vec::new();
-        for p in placed {
-            let places = beside.iter().map(|b| b.join(&p.image)).chain([PathBuf::from(&p.image)]);
-            match places.into_iter().find(|f| f.is_file()) {
-                Some(file) => found.push(Found { placed: p, file }),
-                None => missing.push(p.image),
-            }
-        }
-        if found.is_empty() {
-            return Err(CliError::Input(format!(
-                "no image of the calibration ({}) is beside it or in the current folder. Name their folder: groundcal rectify {} \
-                 FOLDER --out {}",
-                listed(&missing),
-                args.calibration.display(),
-                args.out.display()
-            )));
-        }
-        if !missing.is_empty() {
-            notes.push(format!("of the calibration's images not found: {}", listed(&missing)));
-        }
-        return Ok((found, notes));
-    }
-    let files = pictures::files(&args.inputs)?;
-    let mut taken = vec![false; files.len()];
-    let (mut found, mut missing) = (Vec::new(), Vec::new());
-    for p in placed {
-        // A path that ends in the view's name, or else a file of that name.
-        let name = Path::new(&p.image);
-        let mut of_view: Vec<usize> = (0..files.len()).filter(|&i| files[i].ends_with(name)).collect();
-        if of_view.is_empty() {
-            of_view = (0..files.len()).filter(|&i| files[i].file_name() == name.file_name()).collect();
-        }
-        match of_view[..] {
-            [] => missing.push(p.image),
-            [only] => {
-                taken[only] = true;
-                found.push(Found { placed: p, file: files[only].clone() });
-            }
-            [first, second, ..] => {
-                return Err(CliError::Input(format!(
-                    "{} may be {} or {}. Name one of them",
-                    p.image,
-                    files[first].display(),
-                    files[second].display()
-                )));
-            }
-        }
-    }
-    let others: Vec<String> = files
-        .iter()
-        .zip(&taken)
-        .filter(|(_, t)| !**t)
-        .map(|(f, _)| load::names_of(std::slice::from_ref(f)).concat())
-        .collect();
-    if found.is_empty() {
-        return Err(CliError::Input(format!(
-            "no image given ({}) is a view of the calibration, which has {}. Give the images that were calibrated, under the names \
-             they had",
-            listed(&others),
-            listed(&missing)
-        )));
-    }
+        look_beside(&images, folder)
+    } else {
+        match_files(&images, &pictures::files(&args.inputs)?)?
+    };
+    let missing = listed(&matched.missing(&images));
+    let others = listed(&matched.others);
+    let mut notes = Vec::new();
     if !others.is_empty() {
-        notes.push(format!("left out, as the calibration has no position for them: {}", listed(&others)));
+        notes.push(format!("left out, as the calibration has no position for them: {others}"));
     }
     if !missing.is_empty() {
-        notes.push(format!("of the calibration's images not found: {}", listed(&missing)));
+        notes.push(format!("of the calibration's images not found: {missing}"));
     }
-    Ok((found, notes))
+    let found: Vec<Found> = placed
+        .into_iter()
+        .zip(matched.files)
+        .filter_map(|(placed, file)| Some(Found { placed, file: file? }))
+        .collect();
+    if !found.is_empty() {
+        return Ok((found, notes));
+    }
+    Err(CliError::Input(if beside {
+        format!(
+            "no image of the calibration ({missing}) is beside it or in the current folder. Name their folder: groundcal rectify {} \
+             FOLDER --out {}",
+            args.calibration.display(),
+            args.out.display()
+        )
+    } else {
+        format!(
+            "no image given ({others}) is a view of the calibration, which has {missing}. Give the images that were calibrated, under \
+             the names they had"
+        )
+    }))
 }
 
 /// The first few of a list.
-fn listed(names: &[String]) -> String {
+fn listed(names: &[impl AsRef<str>]) -> String {
     const SHOWN: usize = 5;
-    let shown = names.iter().take(SHOWN).map(String::as_str).collect::<Vec<_>>().join(", ");
+    let shown = names.iter().take(SHOWN).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
     if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
+}
+
+fn views<'a>(set: &[&'a Found]) -> Vec<&'a FloorView> {
+    set.iter().map(|f| &f.placed.view).collect()
 }
 
 impl Work<'_> {
     fn unit(&self) -> &'static str {
-        if self.camera_height_m.is_some() { "metre" } else { "camera height" }
-    }
-
-    /// Unit vector of a picture's columns on the floor.
-    fn right(&self, view: &FloorView) -> Vector2<f64> {
-        let default = if self.args.mosaic { Up::Y } else { Up::Heading };
-        match self.args.up.unwrap_or(default) {
-            Up::Y => Vector2::x(),
-            Up::Heading => {
-                let heading = view.heading();
-                Vector2::new(heading.y, -heading.x)
-            }
-        }
-    }
-
-    /// The sets of views that make one picture each, in the order of their first ones.
-    fn sets<'a>(&self, found: &'a [Found]) -> Vec<Vec<&'a Found>> {
-        let mut sets: Vec<Vec<&Found>> = Vec::new();
-        for f in found {
-            match sets.iter_mut().find(|s| self.args.mosaic && s[0].placed.origin == f.placed.origin) {
-                Some(set) => set.push(f),
-                None => sets.push(vec![f]),
-            }
-        }
-        sets
-    }
-
-    /// Outlines of the floor that a set sees, one after the other.
-    fn seen(&self, set: &[&Found]) -> Vec<Vector2<f64>> {
-        set.iter().flat_map(|f| f.placed.view.seen_floor(self.size, self.max_distance)).collect()
-    }
-
-    /// The grid of a set; nothing where it sees no floor.
-    fn grid(&self, set: &[&Found], resolution: f64) -> Option<FloorGrid> {
-        FloorGrid::covering(&self.seen(set), &self.right(&set[0].placed.view), 1.0 / resolution)
-    }
-
-    /// Pixels for a unit of length: what was asked for, or that of the images; pictures must not become too large.
-    fn resolution(&self, found: &[Found], notes: &mut Vec<String>) -> Result<f64, CliError> {
-        let views = found.iter().map(|f| &f.placed.view);
-        let of_images = source_resolution(views, self.size, self.max_distance).ok_or_else(|| {
-            CliError::Input(format!(
-                "no view sees floor within {} of the point below it. Take a larger --extent; if there is no floor in the images, \
-                 there is nothing to rectify",
-                self.length(self.max_distance)
-            ))
-        })?;
-        let sets = self.sets(found);
-        let seen: Vec<(Vector2<f64>, Vec<Vector2<f64>>)> =
-            sets.iter().map(|s| (self.right(&s[0].placed.view), self.seen(s))).filter(|s| !s.1.is_empty()).collect();
-        let largest = |resolution: f64| {
-            // A grid beyond counting is too large.
-            let pixels = |(right, points): &(Vector2<f64>, Vec<Vector2<f64>>)| {
-                FloorGrid::covering(points, right, 1.0 / resolution).map_or(u64::MAX, |g| g.pixels())
-            };
-            seen.iter().map(pixels).max().unwrap_or(0)
-        };
-        match self.args.resolution {
-            Some(resolution) => {
-                let pixels = largest(resolution);
-                if pixels > MAX_PIXELS {
-                    // A margin for the rounding up of sides.
-                    let fits = resolution * (MAX_PIXELS as f64 / pixels.max(1) as f64).sqrt() * 0.999;
-                    return Err(CliError::Usage(format!(
-                        "--resolution {resolution}: a picture would have {:.0} megapixels, {} at most. Take {} px per {} or less, or a \
-                         smaller --extent than {}",
-                        pixels as f64 / 1e6,
-                        MAX_PIXELS / 1_000_000,
-                        rounded_down(fits),
-                        self.unit(),
-                        self.length(self.max_distance)
-                    )));
-                }
-                Ok(resolution)
-            }
-            None => {
-                let mut resolution = one_two_five(of_images);
-                let wanted = resolution;
-                while largest(resolution) > MAX_PIXELS && resolution > 1e-6 * wanted {
-                    resolution = one_two_five(resolution * 0.6);
-                }
-                if resolution < wanted {
-                    notes.push(format!(
-                        "resolution lowered from {wanted} to {resolution} px per {}, for pictures of at most {} megapixels",
-                        self.unit(),
-                        MAX_PIXELS / 1_000_000
-                    ));
-                }
-                Ok(resolution)
-            }
-        }
+        floor_picture::unit(self.camera_height_m)
     }
 
     fn length(&self, value: f64) -> String {
@@ -390,62 +242,90 @@ impl Work<'_> {
         }
     }
 
-    fn heading_line(&self, resolution: f64) -> String {
-        format!(
-            "{resolution} px per {}, floor shown to {} from below each camera\n",
-            self.unit(),
-            self.length(self.max_distance)
-        )
+    /// The views that make one picture each.
+    fn sets<'a>(&self, found: &'a [Found]) -> Vec<Vec<&'a Found>> {
+        if !self.args.mosaic {
+            return found.iter().map(|f| vec![f]).collect();
+        }
+        let worlds: Vec<Option<&str>> = found.iter().map(|f| f.placed.origin.as_deref()).collect();
+        sets_of_one_world(&worlds).into_iter().map(|set| set.into_iter().map(|i| &found[i]).collect()).collect()
     }
 
-    fn single_views(&self, found: &[Found], resolution: f64, notes: &mut Vec<String>) -> Result<String, CliError> {
+    /// Pixels for a unit of length.
+    fn resolution(&self, sets: &[Vec<&Found>], notes: &mut Vec<String>) -> Result<f64, CliError> {
+        let sets: Vec<Vec<&FloorView>> = sets.iter().map(|s| views(s)).collect();
+        let asked = self.args.resolution;
+        let chosen = self.layout.resolution(&sets, asked).map_err(|error| match error {
+            ResolutionError::NoFloor => CliError::Input(format!(
+                "no view sees floor within {} of the point below it. Take a larger --extent; if there is no floor in the images, \
+                 there is nothing to rectify",
+                self.length(self.layout.max_distance)
+            )),
+            ResolutionError::TooLarge { pixels, fits_px_per_unit } => CliError::Usage(format!(
+                "--resolution {}: a picture would have {:.0} megapixels, {} at most. Take {fits_px_per_unit} px per {} or less, or a \
+                 smaller --extent than {}",
+                asked.unwrap_or(f64::NAN),
+                pixels as f64 / 1e6,
+                MAX_PIXELS / 1_000_000,
+                self.unit(),
+                self.length(self.layout.max_distance)
+            )),
+        })?;
+        if let Some(wanted) = chosen.lowered_from {
+            notes.push(format!(
+                "resolution lowered from {wanted} to {} px per {}, for pictures of at most {} megapixels",
+                chosen.px_per_unit,
+                self.unit(),
+                MAX_PIXELS / 1_000_000
+            ));
+        }
+        Ok(chosen.px_per_unit)
+    }
+
+    fn single_views(
+        &self,
+        found: &[Found],
+        px_per_unit: f64,
+        text: &mut String,
+        notes: &mut Vec<String>,
+    ) -> Result<(), CliError> {
         let names = pictures::stems(&found.iter().map(|f| f.file.clone()).collect::<Vec<_>>());
-        self.check_all(found)?;
-        make_folder(&self.args.out)?;
-        let mut text = self.heading_line(resolution);
         for (f, name) in found.iter().zip(&names) {
-            let Some(grid) = self.grid(&[f], resolution) else {
-                notes.push(format!(
-                    "{}: no floor in it within {}: left out",
-                    f.placed.image,
-                    self.length(self.max_distance)
-                ));
+            let Some(grid) = self.layout.grid(&[&f.placed.view], px_per_unit) else {
+                let within = self.length(self.layout.max_distance);
+                notes.push(format!("{}: no floor in it within {within}: left out", f.placed.image));
                 continue;
             };
-            let picture = Pyramid::new(pictures::read(&f.file, self.size)?);
-            let out = rectify(&picture, &f.placed.view, &grid, self.max_distance);
-            self.write(&format!("{name}_floor"), &grid, &[f], &out, &mut text)?;
+            let picture = Pyramid::new(pictures::read(&f.file, self.layout.size)?);
+            let out = rectify(&picture, &f.placed.view, &grid, self.layout.max_distance);
+            self.write(&format!("{name}_floor"), grid, &[f], &out, text)?;
         }
-        Ok(text)
+        Ok(())
     }
 
-    fn mosaics(&self, found: &[Found], resolution: f64) -> Result<String, CliError> {
-        let colour = self.check_all(found)?;
+    fn mosaics(&self, sets: &[Vec<&Found>], px_per_unit: f64, colour: bool, text: &mut String) -> Result<(), CliError> {
         let channels = if colour { 3 } else { 1 };
-        make_folder(&self.args.out)?;
-        let mut text = self.heading_line(resolution);
-        let sets = self.sets(found);
         for (i, set) in sets.iter().enumerate() {
-            let Some(grid) = self.grid(set, resolution) else { continue };
-            let mut mosaic = Mosaic::new(grid, channels, self.max_distance);
+            let Some(grid) = self.layout.grid(&views(set), px_per_unit) else { continue };
+            let mut mosaic = Mosaic::new(grid, channels, self.layout.max_distance);
             for f in set {
-                let mut picture = pictures::read(&f.file, self.size)?;
+                let mut picture = pictures::read(&f.file, self.layout.size)?;
                 if colour {
                     picture = pictures::to_colour(picture);
                 }
                 mosaic.add(&Pyramid::new(picture), &f.placed.view);
             }
             let name = if sets.len() == 1 { "mosaic".to_string() } else { format!("mosaic_{}", i + 1) };
-            self.write(&name, &grid, set, &mosaic.finish(), &mut text)?;
+            self.write(&name, grid, set, &mosaic.finish(), text)?;
         }
-        Ok(text)
+        Ok(())
     }
 
     /// Reads all images once before anything is written; whether any has colour.
     fn check_all(&self, found: &[Found]) -> Result<bool, CliError> {
         let mut colour = false;
         for f in found {
-            colour |= pictures::read(&f.file, self.size)?.channels() > 1;
+            colour |= pictures::read(&f.file, self.layout.size)?.channels() > 1;
         }
         Ok(colour)
     }
@@ -454,129 +334,45 @@ impl Work<'_> {
     fn write(
         &self,
         name: &str,
-        grid: &FloorGrid,
+        grid: FloorGrid,
         set: &[&Found],
         resampled: &Resampled,
         text: &mut String,
     ) -> Result<(), CliError> {
         let format = PictureFormat::from(self.args.format);
-        let path = self.args.out.join(format!("{name}.{}", format.extension()));
+        let file = format!("{name}.{}", format.extension());
+        let path = self.args.out.join(&file);
         let bytes = pictures::encode(resampled, format, &path)?;
-        let sidecar = self.sidecar(&path, grid, set);
-        let json = serde_json::to_string_pretty(&sidecar)
-            .map_err(|e| CliError::Other(format!("cannot write the homography as JSON: {e}")))?;
-        write_whole(&self.args.out.join(format!("{name}.json")), format!("{json}\n").as_bytes())?;
-        write_whole(&self.args.out.join(format!("{name}.{}", format.world_extension())), world_file(grid).as_bytes())?;
+        let camera = &self.calibration.camera;
+        let picture = FloorPicture {
+            file,
+            grid,
+            views: set.iter().map(|f| (f.placed.image.as_str(), &f.placed.view)).collect(),
+            origin: set.first().and_then(|f| f.placed.origin.as_deref()),
+            max_distance: self.layout.max_distance,
+            camera_height_m: self.camera_height_m,
+            size: self.layout.size,
+            intrinsics: camera.intrinsics(),
+            distortion: camera.lens(),
+        };
+        let beside = |extension: &str| self.args.out.join(format!("{name}.{extension}"));
+        write_whole(&beside("json"), picture.json()?.as_bytes())?;
+        write_whole(&beside(format.world_extension()), picture.world_file().as_bytes())?;
         write_whole(&path, &bytes)?;
-        let sides = [grid.size.width, grid.size.height].map(|n| n as f64 * grid.unit_per_px);
+        let size = picture.grid.size;
+        let sides = [size.width, size.height].map(|n| n as f64 * picture.grid.unit_per_px);
         let of = if self.args.mosaic { format!(", {} views", set.len()) } else { String::new() };
+        // Writing to a string cannot fail.
         let _ = writeln!(
             text,
             "{}: {} x {} px, {:.3} x {:.3} {}s{of}",
             path.display(),
-            grid.size.width,
-            grid.size.height,
+            size.width,
+            size.height,
             sides[0],
             sides[1],
             self.unit()
         );
         Ok(())
-    }
-
-    fn sidecar<'a>(&self, path: &Path, grid: &FloorGrid, set: &[&'a Found]) -> Sidecar<'a> {
-        let c = &self.calibration.camera;
-        let d = c.lens();
-        let floor_from_picture = grid.floor_from_pixel_matrix();
-        let picture_from_floor = floor_from_picture.try_inverse().unwrap_or(Matrix3::identity());
-        Sidecar {
-            picture: path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-            picture_size: [grid.size.width, grid.size.height],
-            pixel_centre: "(0,0) is the centre of the top-left pixel",
-            unit: self.unit(),
-            camera_height_m: self.camera_height_m,
-            units_per_pixel: grid.unit_per_px,
-            max_distance: self.max_distance,
-            origin: set[0].placed.origin.as_deref(),
-            floor_from_picture: rows(&floor_from_picture),
-            views: set
-                .iter()
-                .map(|f| {
-                    let h = f.placed.view.floor_from_image();
-                    SidecarView {
-                        image: &f.placed.image,
-                        floor_from_image: rows(&h),
-                        picture_from_image: rows(&(picture_from_floor * h)),
-                        position: (*f.placed.view.centre()).into(),
-                    }
-                })
-                .collect(),
-            camera: SidecarCamera {
-                image_size: [self.size.width, self.size.height],
-                fx: c.fx,
-                fy: c.fy,
-                cx: c.cx,
-                cy: c.cy,
-                skew: c.skew,
-                k1: d.k1,
-                k2: d.k2,
-                p1: d.p1,
-                p2: d.p2,
-            },
-        }
-    }
-}
-
-fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
-    std::array::from_fn(|r| std::array::from_fn(|c| m[(r, c)]))
-}
-
-/// Six lines: X and Y by the column, X and Y by the row, X and Y of the centre of the top-left pixel, in the order of the format.
-fn world_file(grid: &FloorGrid) -> String {
-    let (right, down, origin) = (grid.right * grid.unit_per_px, grid.down() * grid.unit_per_px, grid.top_left);
-    // Adding zero turns -0 into 0.
-    [right.x, right.y, down.x, down.y, origin.x, origin.y].map(|v| format!("{:?}\n", v + 0.0)).concat()
-}
-
-/// The nearest of 1, 2 and 5 times a power of ten to a positive value, by their ratio.
-fn one_two_five(value: f64) -> f64 {
-    let power = 10f64.powi(value.log10().floor() as i32);
-    let apart = |s: &f64| (s / value).ln().abs();
-    let steps = [1.0, 2.0, 5.0, 10.0].map(|s| s * power);
-    steps.into_iter().min_by(|a, b| apart(a).total_cmp(&apart(b))).unwrap_or(power)
-}
-
-/// Three digits, not above the value.
-fn rounded_down(value: f64) -> f64 {
-    let unit = 10f64.powi(value.log10().floor() as i32 - 2);
-    if unit >= 1.0 { (value / unit).floor() * unit } else { (value / unit).floor() / (1.0 / unit).round() }
-}
-
-fn make_folder(out: &Path) -> Result<(), CliError> {
-    std::fs::create_dir_all(out).map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn round_resolutions() {
-        for (value, expected) in
-            [(487.0, 500.0), (500.0, 500.0), (800.0, 1000.0), (1000.0, 1000.0), (0.03, 0.02), (3.3, 5.0)]
-        {
-            assert!((one_two_five(value) - expected).abs() < 1e-9 * expected, "{value}: {}", one_two_five(value));
-        }
-        assert_eq!((rounded_down(12345.6), rounded_down(0.123_456)), (12300.0, 0.123));
-    }
-
-    #[test]
-    fn world_files_have_six_lines() {
-        let grid = FloorGrid {
-            top_left: Vector2::new(-1.5, 2.25),
-            right: Vector2::x(),
-            unit_per_px: 0.01,
-            size: ImageSize::new(10, 10),
-        };
-        assert_eq!(world_file(&grid), "0.01\n0.0\n0.0\n-0.01\n-1.5\n2.25\n");
     }
 }

@@ -1,29 +1,22 @@
 //! `groundcal undistort`: images as an ideal lens would have taken them, the camera that belongs to them, and the maps.
 
-use std::{
-    fmt::Write,
-    io::Cursor,
-    path::{Path, PathBuf},
-};
+use std::{fmt::Write, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::undistort::{Fit, Undistortion},
-    geometry::size::ImageSize,
     vision::resample::{Pyramid, resample},
 };
-use serde::Serialize;
-use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
+use groundcal_io::{
+    export::{undistorted, write_whole},
+    import::groundcal_json::Calibration,
+    pictures::{self, PictureFormat},
+};
 
 use crate::{
     args::{PictureFormatArg, ThreadsArg},
     error::CliError,
     output,
-};
-use groundcal_io::{
-    export::write_whole,
-    import::groundcal_json::Calibration,
-    pictures::{self, PictureFormat},
 };
 
 /// `groundcal undistort`.
@@ -85,36 +78,6 @@ impl From<FitArg> for Fit {
     }
 }
 
-/// `camera_undistorted.json`: read back as a calibration.
-#[derive(Debug, Serialize)]
-struct CameraFile {
-    format_version: u32,
-    pixel_centre: &'static str,
-    camera: CameraJson,
-    undistort_fit: &'static str,
-    distorted_camera: CameraJson,
-}
-
-#[derive(Debug, Serialize)]
-struct CameraJson {
-    image_size: [usize; 2],
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    skew: f64,
-    distortion: LensJson,
-}
-
-#[derive(Debug, Serialize)]
-struct LensJson {
-    model: &'static str,
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
-}
-
 /// Runs the command; what was left out is told on standard error.
 pub(crate) fn run(args: &UndistortArgs) -> Result<(), CliError> {
     output::refuse_file(&args.out)?;
@@ -159,36 +122,8 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
 
     let mut text = String::new();
     let new = undistortion.intrinsics();
-    let camera =
-        |k: &groundcal::geometry::intrinsics::Intrinsics, d: groundcal::geometry::distortion::Distortion| CameraJson {
-            image_size: [size.width, size.height],
-            fx: k.fx,
-            fy: k.fy,
-            cx: k.cx,
-            cy: k.cy,
-            skew: k.skew,
-            distortion: LensJson {
-                model: if d.is_none() { "none" } else { "radtan" },
-                k1: d.k1,
-                k2: d.k2,
-                p1: d.p1,
-                p2: d.p2,
-            },
-        };
-    let file = CameraFile {
-        format_version: 1,
-        pixel_centre: "(0,0) is the centre of the top-left pixel",
-        camera: camera(new, Default::default()),
-        undistort_fit: match args.fit {
-            FitArg::Same => "same",
-            FitArg::All => "all",
-            FitArg::Crop => "crop",
-        },
-        distorted_camera: camera(&k, lens),
-    };
-    let json = serde_json::to_string_pretty(&file)
-        .map_err(|e| CliError::Other(format!("cannot write the camera as JSON: {e}")))?;
-    write_whole(&args.out.join("camera_undistorted.json"), format!("{json}\n").as_bytes())?;
+    let json = undistorted::camera_json(size, new, args.fit.into(), (&k, &lens))?;
+    write_whole(&args.out.join("camera_undistorted.json"), json.as_bytes())?;
     let _ = writeln!(
         text,
         "camera of the undistorted images: fx {:.3}, fy {:.3}, cx {:.3}, cy {:.3} px ({})",
@@ -202,7 +137,7 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
         let [x, y] = undistortion.maps();
         for (name, map) in [("map_x.tiff", x), ("map_y.tiff", y)] {
             let path = args.out.join(name);
-            write_whole(&path, &tiff_of(&map, size, &path)?)?;
+            write_whole(&path, &undistorted::map_tiff(&map, size, &path)?)?;
             let _ = writeln!(text, "{}", path.display());
         }
     }
@@ -213,13 +148,4 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
         let _ = writeln!(text, "{}", target.display());
     }
     Ok((text, notes))
-}
-
-/// One 32-bit floating point channel, as `cv2.imread(..., cv2.IMREAD_UNCHANGED)` gives it back.
-fn tiff_of(map: &[f32], size: ImageSize, path: &Path) -> Result<Vec<u8>, CliError> {
-    let mut bytes = Cursor::new(Vec::new());
-    TiffEncoder::new(&mut bytes)
-        .and_then(|mut t| t.write_image::<Gray32Float>(size.width as u32, size.height as u32, map))
-        .map_err(|e| CliError::Other(format!("cannot encode {}: {e}", path.display())))?;
-    Ok(bytes.into_inner())
 }

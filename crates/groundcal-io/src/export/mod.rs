@@ -1,12 +1,14 @@
 //! Renderers of a calibration: each takes the one result value and gives text.
 
 pub mod colmap;
+pub mod floor_picture;
 pub mod formats;
 pub mod kalibr;
 pub mod matlab;
 pub mod nerfstudio;
 pub mod opencv;
 pub mod ros;
+pub mod undistorted;
 
 use std::{io::Write, path::Path};
 

@@ -1,13 +1,9 @@
 //! The program on image sets that live outside the repository; skipped, with a line, where they are not. The truth is read
 //! for scoring only.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::path::PathBuf;
 
-use common::*;
+use crate::common::*;
 
 /// The folder of a set, if it is there.
 fn set(name: &str) -> Option<PathBuf> {

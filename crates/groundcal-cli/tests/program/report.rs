@@ -1,13 +1,9 @@
 //! `report.html`: the numbers behind its pictures show a lens left over, a wrong motion and a moved object; one file that needs
 //! nothing else, harmless whatever the names; it works in a browser.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::{path::Path, process::Command, sync::OnceLock};
 
-use common::*;
+use crate::common::*;
 use groundcal::synthetic::points::PointScene;
 use groundcal_lab::renderer::{
     render::Renderer,

@@ -1,7 +1,5 @@
 //! The rotating-camera method from matches: exact data, lenses, degenerate turns, cameras that move.
 
-#![allow(clippy::expect_used)] // a test may end in a panic
-
 use groundcal::{
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     error::Error,

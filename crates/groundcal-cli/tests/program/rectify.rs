@@ -1,16 +1,8 @@
 //! `rectify` and `undistort` from end to end: lines, lengths and overlaps measured in the pictures they write, against truth.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+use std::{path::Path, process::Command, sync::OnceLock};
 
-mod common;
-
-use std::{
-    path::{Path, PathBuf},
-    process::Command,
-    sync::OnceLock,
-};
-
-use common::*;
+use crate::{common::*, readers::python};
 use groundcal_lab::renderer::{
     render::Renderer,
     scene::{Camera, Group, Scene, View},
@@ -567,30 +559,6 @@ fn the_camera_of_undistorted_images_is_read_back() {
     assert!(run.stderr.contains("no distortion"), "{}", run.stderr);
 }
 
-/// The Python of a virtual environment with OpenCV; nothing, and a line why, where there is none.
-fn python() -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");
-    let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-    let works = |program: &Path, args: &[&str]| match Command::new(program).args(args).output() {
-        Ok(o) if o.status.success() => Ok(()),
-        Ok(o) => Err(String::from_utf8_lossy(&o.stderr).into_owned()),
-        Err(e) => Err(e.to_string()),
-    };
-    let ready = ["-c", "import cv2, numpy"];
-    if works(&python, &ready).is_ok() {
-        return Some(python);
-    }
-    let made = works(Path::new("python3"), &["-m", "venv", "--clear", &text(&folder)])
-        .and_then(|()| works(&python, &["-m", "pip", "install", "-q", "numpy", "opencv-python-headless"]));
-    match made.and_then(|()| works(&python, &ready)) {
-        Ok(()) => Some(python),
-        Err(why) => {
-            println!("skipped: no Python with OpenCV here: {}", why.trim());
-            None
-        }
-    }
-}
-
 /// Prints the largest difference of the maps, the largest and the mean difference of the images.
 const COMPARE: &str = r#"
 import cv2, json, sys, numpy as np
@@ -616,7 +584,7 @@ for theirs in (cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_RE
 
 #[test]
 fn opencv_reads_the_maps_and_undistorts_alike() {
-    let Some(python) = python() else { return };
+    let Some(python) = python(&["cv2", "numpy"]) else { return };
     let out = tempdir().unwrap();
     let folder = text(tiled_folder());
     for fit in ["same", "all", "crop"] {

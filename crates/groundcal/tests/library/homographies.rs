@@ -1,7 +1,5 @@
 //! Accuracy of the robust homography: median transfer error against the same refinement on the true inliers.
 
-#![allow(clippy::expect_used)] // a test may end in a panic
-
 use groundcal::{
     geometry::{frame::Frame, homography::Homography},
     numerics::statistics::median,

@@ -1,7 +1,5 @@
 //! Seeded Monte Carlo trials of the linear method on synthetic matches against the Cramér-Rao bound.
 
-#![allow(clippy::expect_used)] // a test or benchmark may end in a panic
-
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
     pairs::correspondence::ImagePair,

@@ -1,12 +1,8 @@
 //! Degenerate matches: the message must name the true cause, not a neighbour of it.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
 use std::fmt::Write;
 
-use common::*;
+use crate::common::*;
 use groundcal::synthetic::points::{MotionSpec, PointScene};
 use tempfile::tempdir;
 

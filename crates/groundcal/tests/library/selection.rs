@@ -1,7 +1,5 @@
 //! Which pairs are motions: views that are none must not pass for some, and many views must not take for ever.
 
-#![allow(clippy::expect_used)] // a test may end in a panic
-
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     geometry::{

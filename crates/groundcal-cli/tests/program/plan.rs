@@ -1,10 +1,6 @@
 //! `groundcal plan` from end to end.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
-mod common;
-
-use common::*;
+use crate::common::*;
 use groundcal::synthetic::points::{MotionSpec, PointScene};
 use serde_json::Value;
 use tempfile::tempdir;

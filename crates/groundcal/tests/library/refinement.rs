@@ -1,7 +1,5 @@
 //! The joint refinement against truth: exact data, the Cramér-Rao bound, full turns, panoramas, screw motions, axes that stray.
 
-#![allow(clippy::expect_used)] // a test or benchmark may end in a panic
-
 use groundcal::{
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     error::Error,

@@ -1,8 +1,5 @@
 //! Runs the program and looks at what it leaves behind.
 
-// Each test program uses some of these.
-#![allow(dead_code)]
-
 use std::{
     collections::BTreeSet,
     fmt::Write,

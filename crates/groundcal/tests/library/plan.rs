@@ -1,8 +1,6 @@
 //! Error bars promised before any picture is taken, against the errors the calibration then makes: seeded trials whose cameras, axes
 //! and heights stray as the plan assumed.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
-
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     error::Error,

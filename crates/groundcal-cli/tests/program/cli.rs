@@ -1,17 +1,8 @@
 //! The program from end to end: exit codes, messages, files, and the camera that comes out.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+use std::{collections::BTreeSet, path::Path, sync::OnceLock};
 
-mod common;
-
-use std::{
-    collections::BTreeSet,
-    path::Path,
-    sync::OnceLock,
-    time::{Duration, Instant},
-};
-
-use common::*;
+use crate::common::*;
 use groundcal::synthetic::points::{MotionSpec, PointScene};
 use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},
@@ -592,13 +583,12 @@ fn matches_and_tracks_of_the_same_points_give_the_same_camera() {
 }
 
 #[test]
-fn many_matches_in_bounded_time() {
+fn many_matches_take_no_more_iterations_than_few() {
     let mut scene = PointScene::nominal(6);
     scene.motions.truncate(2);
     scene.matches = 50_000;
     let folder = tempdir().unwrap();
     let csv = write(folder.path(), "matches.csv", matches_csv(&scene));
-    let start = Instant::now();
     let json = calibrate(&[
         &csv,
         "--image-size",
@@ -611,9 +601,10 @@ fn many_matches_in_bounded_time() {
         "none",
     ])
     .json();
-    let time = start.elapsed();
-    println!("{time:?} for 100,000 matches");
-    assert!(time < Duration::from_secs(30), "{time:?} for 100,000 matches");
+    // What an iteration costs is measured by the benchmark `stages`.
+    let iterations = number(&json, "/fit/refinement/iterations");
+    println!("{iterations} iterations for 100,000 matches");
+    assert!(iterations <= 30.0, "{iterations} iterations");
     assert_eq!(used(&json).len(), 2);
     let (f, sigma) = (number(&json, "/camera/fx"), number(&json, "/standard_deviation/fx"));
     println!("f {f} +- {sigma}");

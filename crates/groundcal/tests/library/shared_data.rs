@@ -1,8 +1,6 @@
 //! Matches against the truth of rendered sets that live outside the repository; skipped, with a line, where they are not.
 //! The truth is read for scoring only.
 
-#![allow(clippy::expect_used)] // a test or benchmark may end in a panic
-
 use std::path::{Path, PathBuf};
 
 use groundcal::{

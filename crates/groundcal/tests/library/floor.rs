@@ -1,7 +1,5 @@
 //! Attitudes, positions, horizons and floor distances of a calibration against truth: errors within their error bars.
 
-#![allow(clippy::expect_used)] // a test may end in a panic
-
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     floor::view::FloorView,

@@ -1,16 +1,8 @@
 //! The formats of `calibrate --out`, read back by other programs' readers, and `compare` on what was written.
 
-#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
+use std::{process::Command, sync::OnceLock};
 
-mod common;
-
-use std::{
-    path::{Path, PathBuf},
-    process::Command,
-    sync::OnceLock,
-};
-
-use common::*;
+use crate::{common::*, readers::python};
 use groundcal::{
     geometry::{attitude::rotation_cam_from_world, distortion::Distortion, intrinsics::Intrinsics},
     synthetic::points::{MotionSpec, PointScene},
@@ -85,41 +77,9 @@ fn expected(calibration: &Value) -> Vec<Value> {
     points
 }
 
-/// The Python of a virtual environment with the readers; nothing, and a line why, where there is none.
-fn python() -> Option<&'static Path> {
-    static PYTHON: OnceLock<Option<PathBuf>> = OnceLock::new();
-    let found = PYTHON.get_or_init(|| {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");
-        let python = folder.join(if cfg!(windows) { "Scripts/python.exe" } else { "bin/python" });
-        let works = |program: &Path, args: &[&str]| {
-            let output = Command::new(program).args(args).output();
-            match output {
-                Ok(o) if o.status.success() => Ok(()),
-                Ok(o) => Err(String::from_utf8_lossy(&o.stderr).into_owned()),
-                Err(e) => Err(e.to_string()),
-            }
-        };
-        let ready = ["-c", "import cv2, numpy, pycolmap, yaml"];
-        if works(&python, &ready).is_ok() {
-            return Some(python);
-        }
-        let made = works(Path::new("python3"), &["-m", "venv", "--clear", &text(&folder)]).and_then(|()| {
-            works(&python, &["-m", "pip", "install", "-q", "numpy", "opencv-python-headless", "PyYAML", "pycolmap"])
-        });
-        match made.and_then(|()| works(&python, &ready)) {
-            Ok(()) => Some(python),
-            Err(why) => {
-                println!("skipped: no Python with OpenCV, PyYAML and pycolmap here: {}", why.trim());
-                None
-            }
-        }
-    });
-    found.as_deref()
-}
-
 #[test]
 fn other_readers_see_floor_points_where_we_do() {
-    let Some(python) = python() else { return };
+    let Some(python) = python(&["cv2", "numpy", "pycolmap", "yaml"]) else { return };
     let script = root().join("crates/groundcal-cli/tests/formats/read_back.py");
     for (name, folder) in [("tripod", tripod().path().to_path_buf()), ("lens", lens().0.path().join("out"))] {
         let scratch = tempdir().unwrap();

@@ -1,7 +1,5 @@
 //! Exact matches: the camera to 1e-9 relative under every constraint, whatever the order or the unit.
 
-#![allow(clippy::expect_used)] // a test may end in a panic
-
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
     geometry::{intrinsics::Intrinsics, size::ImageSize},
