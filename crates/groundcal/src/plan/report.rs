@@ -9,7 +9,7 @@ use crate::{
 
 /// How far attitudes stray where nothing is said, degrees: what the calibration takes until the motions tell it.
 pub const ATTITUDE_SIGMA_DEG: f64 = 0.1;
-/// Strays up to which predictions were held against simulated calibrations (tests/plan.rs), with a margin.
+/// Strays up to which predictions were held against simulated calibrations (tests/library/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
 /// Code of the plan's own warning.
 pub const LARGE_STRAYS: &str = "large_strays";
