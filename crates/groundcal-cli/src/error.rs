@@ -55,11 +55,13 @@ impl From<groundcal::error::Error> for CliError {
 impl From<groundcal_io::error::IoError> for CliError {
     fn from(error: groundcal_io::error::IoError) -> Self {
         use groundcal_io::error::IoError;
+        // The error's own words are fit to be shown, whatever names and files hold.
+        let text = error.to_string();
         match error {
-            IoError::Usage(text) => CliError::Usage(text),
-            IoError::Input(text) => CliError::Input(text),
+            IoError::Usage(_) => CliError::Usage(text),
             IoError::Calibration(error) => CliError::Calibration(error),
-            other => CliError::Other(other.to_string()),
+            error if error.is_input() => CliError::Input(text),
+            _ => CliError::Other(text),
         }
     }
 }

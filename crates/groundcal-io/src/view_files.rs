@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{error::IoError, load};
+use crate::{error::IoError, names::image_names, text::shown};
 
 /// Files found for views.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,14 +51,14 @@ pub fn match_files(images: &[&str], files: &[PathBuf]) -> Result<ViewFiles, IoEr
             [first, second, ..] => {
                 return Err(IoError::Input(format!(
                     "{image} may be {} or {}. Name one of them",
-                    files[first].display(),
-                    files[second].display()
+                    shown(&files[first]),
+                    shown(&files[second])
                 )));
             }
         }
     }
     let left = files.iter().zip(&taken).filter(|(_, t)| !**t);
-    let others = left.flat_map(|(f, _)| load::names_of(std::slice::from_ref(f))).collect();
+    let others = left.flat_map(|(f, _)| image_names(std::slice::from_ref(f))).collect();
     Ok(ViewFiles { files: found, others })
 }
 

@@ -14,8 +14,12 @@ use groundcal::{
     vision::image::GrayImage,
 };
 use groundcal_io::{
-    export::{self, formats::Format},
-    load,
+    export::{self, Format},
+    images::read_images,
+    inputs::{Inputs, find_inputs},
+    matches::{PairChoice, read_matches, read_pairs},
+    names::image_names,
+    note::Note,
 };
 use groundcal_report::{html, text};
 
@@ -195,7 +199,10 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = StageTimes::new("reading");
     let result = from_inputs(args, &progress);
     let mut times = progress.finish();
-    let Calibrated { mut calibration, count, images } = result?;
+    let Calibrated { mut calibration, count, images, notes } = result?;
+    for note in notes {
+        output::note(&note.to_string());
+    }
     if let Some(height_m) = args.camera_height {
         calibration = calibration.with_camera_height(height_m)?;
     }
@@ -227,42 +234,44 @@ struct Calibrated {
     count: usize,
     /// The images themselves; none for matches from elsewhere.
     images: Vec<GrayImage>,
+    /// What there is to say about the files.
+    notes: Vec<Note>,
 }
 
 /// Input to calibration.
 fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated, CliError> {
     let mut options = options(args);
-    match load::find(&args.inputs)? {
-        load::Input::Images(files) => {
+    match find_inputs(&args.inputs)? {
+        Inputs::Images(files) => {
             if args.image_size.is_some() {
                 return Err(CliError::Usage(
                     "--image-size goes with matches.csv or tracks.csv; images have their own".into(),
                 ));
             }
-            let names = load::names_of(&files);
+            let names = image_names(&files);
             if let Some(path) = &args.pairs {
-                options.pairs = Some(load::pairs(path, &names)?);
+                options.pairs = Some(read_pairs(path, &names)?);
             }
-            let images = load::images(&files)?;
-            let calibration = calibrate_images(&names, &images, &options, progress)?;
-            Ok(Calibrated { calibration, count: names.len(), images })
+            let read = read_images(&files)?;
+            let calibration = calibrate_images(&names, &read.images, &options, progress)?;
+            Ok(Calibrated { calibration, count: names.len(), images: read.images, notes: read.notes })
         }
-        load::Input::Csv(path) => {
+        Inputs::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
                 CliError::Usage(format!("{}: give the size of the images with --image-size WxH", path.display()))
             })?;
-            // Who names the pairs may name any.
-            let limit = if args.pairs.is_some() { usize::MAX } else { options.all_pairs_limit };
-            let table = load::csv_matches(&path, size, limit)?;
-            if let Some(path) = &args.pairs {
-                options.pairs = Some(load::pairs(path, &table.names)?);
-            }
+            let choice = match &args.pairs {
+                Some(list) => PairChoice::Listed(list),
+                None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
+            };
+            let table = read_matches(&path, size, choice)?;
+            options.pairs.clone_from(&table.listed);
             let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
             }
-            Ok(Calibrated { calibration, count, images: Vec::new() })
+            Ok(Calibrated { calibration, count, images: Vec::new(), notes: Vec::new() })
         }
     }
 }
@@ -295,7 +304,7 @@ fn write_results(
 ) -> Result<Vec<String>, CliError> {
     output::make_folder(out)?;
     let json = export::json(calibration)?;
-    let rendered = export::formats::render(calibration, formats)?;
+    let rendered = export::render(calibration, formats)?;
     if let Some(page) = page {
         export::write_whole(&out.join("report.html"), page.as_bytes())?;
     }

@@ -18,6 +18,7 @@ use crate::{error::CliError, output};
 use groundcal_io::{
     export::write_whole,
     import::{self, ImportedCamera, PARAMETERS},
+    text::plain,
 };
 use groundcal_report::plot::{
     field::{Field, short},
@@ -120,17 +121,25 @@ struct Camera {
     covariance: Option<[[f64; 7]; 7]>,
 }
 
-/// Compares, writes the files of `--out` and prints the comparison.
+/// Compares, writes the files of `--out` and prints the comparison; what was left out is told on standard error.
 pub(crate) fn run(args: &CompareArgs) -> Result<(), CliError> {
     if let Some(out) = &args.out {
         output::refuse_file(out)?;
     }
-    output::print(&comparison(args)?)
+    let (text, notes) = comparison(args)?;
+    for note in notes {
+        output::note(&note);
+    }
+    output::print(&text)
 }
 
-/// What goes to standard output.
-fn comparison(args: &CompareArgs) -> Result<String, CliError> {
-    let cameras = args.files.iter().map(|f| import::read(f)).collect::<Result<Vec<ImportedCamera>, _>>()?;
+/// What goes to standard output, with notes for standard error.
+fn comparison(args: &CompareArgs) -> Result<(String, Vec<String>), CliError> {
+    let cameras = args.files.iter().map(|f| import::read_camera(f)).collect::<Result<Vec<ImportedCamera>, _>>()?;
+    let of = |(file, camera): (&String, &ImportedCamera)| {
+        camera.notes.iter().map(|n| format!("{}: {n}", plain(file))).collect::<Vec<_>>()
+    };
+    let notes: Vec<String> = args.files.iter().zip(&cameras).flat_map(of).collect();
     let known = cameras.iter().find_map(|c| c.size).ok_or_else(|| {
         CliError::Input(format!(
             "{}: none of the files says the size of the images. Add image_width and image_height to one",
@@ -184,12 +193,12 @@ fn comparison(args: &CompareArgs) -> Result<String, CliError> {
         write_files(out, &json, &pictures)?;
     }
     if args.json {
-        return Ok(json);
+        return Ok((json, notes));
     }
     let mut page = String::new();
     // Writing to a string cannot fail.
     let _ = summary(&mut page, &all);
-    Ok(page)
+    Ok((page, notes))
 }
 
 fn write_files(out: &Path, json: &str, pictures: &[Field]) -> Result<(), CliError> {

@@ -17,7 +17,9 @@ use groundcal_io::{
         write_whole,
     },
     import::groundcal_json::{Calibration, Placed},
-    pictures::{self, PictureFormat},
+    inputs::find_images,
+    names::stems,
+    pictures::{self, PictureFormat, PictureReader},
     view_files::{ViewFiles, look_beside, match_files},
 };
 
@@ -161,7 +163,9 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
     let sets = work.sets(&found);
     let px_per_unit = work.resolution(&sets, &mut notes)?;
     // Images that cannot be used are refused before anything is written.
-    let colour = work.check_all(&found)?;
+    let files: Vec<PathBuf> = found.iter().map(|f| f.file.clone()).collect();
+    let (reader, said) = PictureReader::new(&files, work.layout.size)?;
+    notes.extend(said.iter().map(ToString::to_string));
     output::make_folder(&args.out)?;
     let mut text = format!(
         "{px_per_unit} px per {}, floor shown to {} from below each camera\n",
@@ -169,9 +173,9 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
         work.length(work.layout.max_distance)
     );
     if args.mosaic {
-        work.mosaics(&sets, px_per_unit, colour, &mut text)?;
+        work.mosaics(&sets, px_per_unit, &reader, &mut text)?;
     } else {
-        work.single_views(&found, px_per_unit, &mut text, &mut notes)?;
+        work.single_views(&found, px_per_unit, &reader, &mut text, &mut notes)?;
     }
     Ok((text, notes))
 }
@@ -185,7 +189,7 @@ fn found(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<Str
             if args.calibration.is_dir() { Some(args.calibration.as_path()) } else { args.calibration.parent() };
         look_beside(&images, folder)
     } else {
-        match_files(&images, &pictures::files(&args.inputs)?)?
+        match_files(&images, &find_images(&args.inputs)?)?
     };
     let missing = listed(&matched.missing(&images));
     let others = listed(&matched.others);
@@ -286,31 +290,38 @@ impl Work<'_> {
         &self,
         found: &[Found],
         px_per_unit: f64,
+        reader: &PictureReader,
         text: &mut String,
         notes: &mut Vec<String>,
     ) -> Result<(), CliError> {
-        let names = pictures::stems(&found.iter().map(|f| f.file.clone()).collect::<Vec<_>>());
+        let names = stems(&found.iter().map(|f| f.file.clone()).collect::<Vec<_>>());
         for (f, name) in found.iter().zip(&names) {
             let Some(grid) = self.layout.grid(&[&f.placed.view], px_per_unit) else {
                 let within = self.length(self.layout.max_distance);
                 notes.push(format!("{}: no floor in it within {within}: left out", f.placed.image));
                 continue;
             };
-            let picture = Pyramid::new(pictures::read(&f.file, self.layout.size)?);
+            let picture = Pyramid::new(reader.read(&f.file)?);
             let out = rectify(&picture, &f.placed.view, &grid, self.layout.max_distance);
             self.write(&format!("{name}_floor"), grid, &[f], &out, text)?;
         }
         Ok(())
     }
 
-    fn mosaics(&self, sets: &[Vec<&Found>], px_per_unit: f64, colour: bool, text: &mut String) -> Result<(), CliError> {
-        let channels = if colour { 3 } else { 1 };
+    fn mosaics(
+        &self,
+        sets: &[Vec<&Found>],
+        px_per_unit: f64,
+        reader: &PictureReader,
+        text: &mut String,
+    ) -> Result<(), CliError> {
+        let channels = if reader.has_colour() { 3 } else { 1 };
         for (i, set) in sets.iter().enumerate() {
             let Some(grid) = self.layout.grid(&views(set), px_per_unit) else { continue };
             let mut mosaic = Mosaic::new(grid, channels, self.layout.max_distance);
             for f in set {
-                let mut picture = pictures::read(&f.file, self.layout.size)?;
-                if colour {
+                let mut picture = reader.read(&f.file)?;
+                if reader.has_colour() {
                     picture = pictures::to_colour(picture);
                 }
                 mosaic.add(&Pyramid::new(picture), &f.placed.view);
@@ -319,15 +330,6 @@ impl Work<'_> {
             self.write(&name, grid, set, &mosaic.finish(), text)?;
         }
         Ok(())
-    }
-
-    /// Reads all images once before anything is written; whether any has colour.
-    fn check_all(&self, found: &[Found]) -> Result<bool, CliError> {
-        let mut colour = false;
-        for f in found {
-            colour |= pictures::read(&f.file, self.layout.size)?.channels() > 1;
-        }
-        Ok(colour)
     }
 
     /// The picture last: when it is there, the files beside it are.

@@ -10,7 +10,9 @@ use groundcal::{
 use groundcal_io::{
     export::{undistorted, write_whole},
     import::groundcal_json::Calibration,
-    pictures::{self, PictureFormat},
+    inputs::find_images,
+    names::stems,
+    pictures::{self, PictureFormat, PictureReader},
 };
 
 use crate::{
@@ -100,14 +102,13 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
             args.calibration.display()
         ));
     }
-    let files = if args.inputs.is_empty() { Vec::new() } else { pictures::files(&args.inputs)? };
-    let names = pictures::stems(&files);
+    let files = if args.inputs.is_empty() { Vec::new() } else { find_images(&args.inputs)? };
+    let names = stems(&files);
     let targets: Vec<PathBuf> =
         names.iter().map(|n| args.out.join(format!("{n}.{}", PictureFormat::from(args.format).extension()))).collect();
     // Images that cannot be used, and results that would overwrite them, are refused before anything is written.
-    for file in &files {
-        pictures::read(file, size)?;
-    }
+    let (reader, said) = PictureReader::new(&files, size)?;
+    notes.extend(said.iter().map(ToString::to_string));
     for target in &targets {
         let same = |f: &PathBuf| matches!((f.canonicalize(), target.canonicalize()), (Ok(a), Ok(b)) if a == b);
         if let Some(file) = files.iter().find(|f| same(f)) {
@@ -142,7 +143,7 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
         }
     }
     for (file, target) in files.iter().zip(&targets) {
-        let picture = Pyramid::new(pictures::read(file, size)?);
+        let picture = Pyramid::new(reader.read(file)?);
         let out = resample(&picture, size, |p| undistortion.source_pixel(p));
         write_whole(target, &pictures::encode(&out, args.format.into(), target)?)?;
         let _ = writeln!(text, "{}", target.display());

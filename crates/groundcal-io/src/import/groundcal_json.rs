@@ -11,7 +11,8 @@ use nalgebra::Vector3;
 use serde::Deserialize;
 
 use crate::error::IoError;
-use crate::import::{FOCAL_LENGTHS_PX, ImportedCamera, PARAMETERS};
+use crate::import::imported::{ImportedCamera, PARAMETERS};
+use crate::limits::FOCAL_LENGTHS_PX;
 
 /// The version of the format that is read.
 const FORMAT_VERSION: u64 = 1;

@@ -14,7 +14,7 @@ use groundcal::{
     start::absolute_conic::Constraint,
     vision::image::GrayImage,
 };
-use groundcal_io::load;
+use groundcal_io::images::read_image_bytes;
 
 use crate::{
     error::LabError,
@@ -149,7 +149,7 @@ impl<'a> Setup<'a> {
         let rendered = render_pictures(&self.scene, self.name, |_| self.progress.advance())?;
         self.progress.begin(&format!("{}: calibrating", self.name), 0);
         let folder = Path::new(self.name);
-        let read = |r: &Rendered| load::gray_image(&folder.join(&r.file), &r.bytes);
+        let read = |r: &Rendered| read_image_bytes(&folder.join(&r.file), &r.bytes);
         let images = rendered.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         let matched = methods::match_pairs(&images, pairs, &Options::default());
         let inside = |r: &Rendered| OutputFile { path: folder.join(&r.file), bytes: r.bytes.clone() };
