@@ -3,12 +3,12 @@
 use std::{io::Write, path::Path};
 
 use groundcal_io::export::write_whole;
-use groundcal_report::plot::{Figure, png, svg};
+use groundcal_report::canvas::{Canvas, Ink, png, svg};
 
 use crate::{args::ThreadsArg, error::CliError};
 
 /// Pixels of a PNG for one of the SVG: sharp on dense screens.
-pub(crate) const PNG_SCALE: f64 = 2.0;
+const PNG_SCALE: f64 = 2.0;
 
 /// To standard output; a reader that has had enough (`| head`) is no fault.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
@@ -58,11 +58,9 @@ pub(crate) fn make_folder(folder: &Path) -> Result<(), CliError> {
 }
 
 /// `NAME.svg` and `NAME.png`.
-pub(crate) fn write_figure(folder: &Path, name: &str, figure: &Figure) -> Result<(), CliError> {
-    let canvas = figure.layout();
-    write_whole(&folder.join(format!("{name}.svg")), svg::document(&canvas).as_bytes())?;
-    let png = png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?;
-    Ok(write_whole(&folder.join(format!("{name}.png")), &png)?)
+pub(crate) fn write_canvas(folder: &Path, name: &str, canvas: &Canvas<Ink>) -> Result<(), CliError> {
+    write_whole(&folder.join(format!("{name}.svg")), svg::document(canvas).as_bytes())?;
+    Ok(write_whole(&folder.join(format!("{name}.png")), &png::encode(canvas, PNG_SCALE)?)?)
 }
 
 /// Works on as many threads as were asked for: a pool of its own, so that the program can be run again in one process.

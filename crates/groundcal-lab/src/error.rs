@@ -13,6 +13,9 @@ pub enum LabError {
     /// A picture or file could not be made, read or written.
     #[error(transparent)]
     Files(#[from] IoError),
+    /// A figure could not be drawn.
+    #[error(transparent)]
+    Figure(#[from] groundcal_report::error::ReportError),
     /// A scene, a table or a picture could not be made.
     #[error("{0}")]
     Other(String),

@@ -21,7 +21,10 @@ use groundcal_io::{
     names::image_names,
     note::Note,
 };
-use groundcal_report::{html, text};
+use groundcal_report::{
+    html,
+    text::{self, SummaryOptions},
+};
 
 use crate::{
     args::{ConstraintArg, DistortionArg, ThreadsArg, parse_height, parse_point, parse_prior, parse_size},
@@ -199,7 +202,7 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = StageTimes::new("reading");
     let result = from_inputs(args, &progress);
     let mut times = progress.finish();
-    let Calibrated { mut calibration, count, images, notes } = result?;
+    let Calibrated { mut calibration, images, notes } = result?;
     for note in notes {
         output::note(&note.to_string());
     }
@@ -208,14 +211,18 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     }
     if let Some(out) = &args.out {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::html(&calibration, &images)?) };
+        let page = if args.no_report { None } else { Some(html::page(&calibration, &images)?) };
         let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
         for note in write_results(out, &calibration, &formats, page.as_deref())? {
             output::note(&note);
         }
         times.push(("writing", start.elapsed()));
     }
-    let page = if args.json { export::json(&calibration)? } else { text::summary(&calibration, count, args.verbose) };
+    let page = if args.json {
+        export::json(&calibration)?
+    } else {
+        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() })
+    };
     output::print(&page)?;
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
@@ -230,8 +237,6 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
 /// A calibration and what it was made from.
 struct Calibrated {
     calibration: Calibration,
-    /// How many images.
-    count: usize,
     /// The images themselves; none for matches from elsewhere.
     images: Vec<GrayImage>,
     /// What there is to say about the files.
@@ -254,7 +259,7 @@ fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated
             }
             let read = read_images(&files)?;
             let calibration = calibrate_images(&names, &read.images, &options, progress)?;
-            Ok(Calibrated { calibration, count: names.len(), images: read.images, notes: read.notes })
+            Ok(Calibrated { calibration, images: read.images, notes: read.notes })
         }
         Inputs::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
@@ -271,7 +276,7 @@ fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
             }
-            Ok(Calibrated { calibration, count, images: Vec::new(), notes: Vec::new() })
+            Ok(Calibrated { calibration, images: Vec::new(), notes: Vec::new() })
         }
     }
 }

@@ -91,7 +91,7 @@ fn simulate(args: &SimulateArgs) -> Result<String, CliError> {
     for study in args.study.studies() {
         let result = study.run(args.trials, args.seed, &bar)?;
         write_whole(&args.out.join(format!("{}.csv", study.name())), &result.table)?;
-        output::write_figure(&args.out, study.name(), &result.figure)?;
+        output::write_canvas(&args.out, study.name(), &result.figure.layout())?;
         page.push_str(&result.page);
     }
     Ok(page)

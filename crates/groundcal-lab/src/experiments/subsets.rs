@@ -8,7 +8,10 @@ use groundcal::{
     numerics::statistics::spearman,
     start::{absolute_conic::Constraint, linear_camera::CameraOptions},
 };
-use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
+use groundcal_report::{
+    canvas::{png, svg},
+    plot::{Curve, Figure, Marker, Panel, Style},
+};
 
 use crate::{
     error::LabError,
@@ -72,7 +75,7 @@ pub(crate) fn report(
     let files = vec![
         setup.file("_subsets.csv", csv(setup.name, &rankings)?),
         setup.file("_subsets.svg", svg::document(&canvas).into_bytes()),
-        setup.file("_subsets.png", png::encode(&canvas, PNG_SCALE).map_err(LabError::Other)?),
+        setup.file("_subsets.png", png::encode(&canvas, PNG_SCALE)?),
     ];
     let mut page = String::new();
     // Writing to a string cannot fail.

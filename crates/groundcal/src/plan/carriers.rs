@@ -29,6 +29,9 @@ const REACH_HEIGHTS: f64 = 10.0;
 pub struct CarrierMotion {
     /// What carries the camera.
     pub name: &'static str,
+    /// Whether it turns by driving on.
+    #[serde(skip)]
+    pub drives: bool,
     /// Angles of the optical axis below the horizon.
     pub tilts_deg: Vec<f64>,
     /// Rolls, positive with the camera's right-hand side down.
@@ -86,6 +89,7 @@ impl Carrier {
         };
         CarrierMotion {
             name: self.name(),
+            drives: self == Carrier::Robot,
             tilts_deg: tilts_deg.to_vec(),
             rolls_deg: rolls_deg.to_vec(),
             turns_deg: turns_up_to_deg(MAX_TURN_DEG),

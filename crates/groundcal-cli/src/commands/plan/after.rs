@@ -5,6 +5,7 @@ use std::path::Path;
 use groundcal::{
     calibrate::{LensModel, Options},
     error::Error,
+    numerics::statistics::median,
     plan::{MIN_MATCHES, PlanOptions, Planner, Start, carriers::CarrierMotion},
     start::{
         absolute_conic::Constraint,
@@ -12,9 +13,12 @@ use groundcal::{
     },
 };
 
-use crate::commands::plan::args::{DEFAULT_NOISE_PX, DEFAULT_POINTS, PlanArgs};
-use crate::error::CliError;
 use groundcal_io::import::groundcal_json::{Calibration, Motion, Prior};
+
+use crate::{
+    commands::plan::args::{DEFAULT_NOISE_PX, DEFAULT_POINTS, PlanArgs},
+    error::CliError,
+};
 
 /// The names of the covariance's rows, in order.
 const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
@@ -41,11 +45,6 @@ pub(crate) fn read(path: &Path) -> Result<Known, CliError> {
     }
     let covariance = Start::from_fn(|r, s| c.matrix[r][s]);
     Ok(Known { covariance, name, file })
-}
-
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 impl Known {
@@ -100,11 +99,11 @@ impl Known {
     /// Noise of a coordinate: the residuals of the motions used, two coordinates of four being left over by the point, and what the
     /// refinement found them to be too small by.
     fn noise_px(&self) -> Option<f64> {
-        let rms = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
+        let mut rms: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
         let refinement = self.file.fit.as_ref().and_then(|f| f.refinement.as_ref());
         let factor = refinement.and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
         let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
-        median(rms).map(|rms| (factor * rms / 2f64.sqrt()).max(LEAST_NOISE_PX))
+        (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(LEAST_NOISE_PX))
     }
 
     /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
@@ -120,7 +119,7 @@ impl Known {
             // Of a sliver that the rig's axis leaves in view nothing follows.
             (fraction > 0.05).then_some(m.matches? / fraction)
         };
-        let all = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
-        median(all).map(|n| n.clamp(MIN_MATCHES, 1e6))
+        let mut all: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
+        (!all.is_empty()).then(|| median(&mut all).clamp(MIN_MATCHES, 1e6))
     }
 }

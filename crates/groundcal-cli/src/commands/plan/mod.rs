@@ -2,8 +2,10 @@
 
 mod after;
 mod args;
-mod text;
 
+use std::fmt::Write;
+
+use clap::ValueEnum;
 use groundcal::{
     calibrate::Options,
     geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
@@ -14,9 +16,9 @@ use groundcal::{
     },
 };
 use groundcal_io::export::write_whole;
-use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style};
+use groundcal_report::{number::short, plan, terminal};
 
-use crate::{error::CliError, output};
+use crate::{args::DistortionArg, error::CliError, output};
 use args::{DEFAULT_NOISE_PX, DEFAULT_POINTS};
 
 pub(crate) use args::PlanArgs;
@@ -34,10 +36,10 @@ pub(crate) fn run(args: &PlanArgs) -> Result<(), CliError> {
     if let Some(out) = &args.out {
         output::refuse_file(out)?;
         output::make_folder(out)?;
-        output::write_figure(out, "plan", &figure(&report))?;
+        output::write_canvas(out, "plan", &plan::figure(&report).layout())?;
         write_whole(&out.join("plan.json"), json()?.as_bytes())?;
     }
-    output::print(&if args.json { json()? } else { text::page(&report, args) })
+    output::print(&if args.json { json()? } else { plan::text(&report, &command(&report, args), terminal::WIDTH) })
 }
 
 fn positive(name: &str, value: f64, limit: f64) -> Result<f64, CliError> {
@@ -112,35 +114,27 @@ fn fresh(args: &PlanArgs, carrier: Carrier, motion: &CarrierMotion) -> Result<Pl
     })
 }
 
-/// Predicted standard deviation of f against the number of motions.
-fn figure(report: &PlanReport) -> Figure {
-    let style = Style { color: [0, 90, 160], width: 2.0, dash: &[], marker: Some(Marker::Circle), filled: true };
-    let before = report.before.iter().map(|p| [0.0, p.f_percent]);
-    let after = report
-        .motions
-        .iter()
-        .enumerate()
-        .map(|(i, m)| [(i + 1) as f64, m.after.as_ref().map_or(f64::INFINITY, |p| p.f_percent)]);
-    let points = before.chain(after).collect();
+/// The command that calibrates from the pictures of the plan.
+fn command(report: &PlanReport, args: &PlanArgs) -> String {
     let a = &report.assumed;
-    Figure {
-        title: format!("Expected error of the focal length, {}", report.rig.name),
-        x_label: if report.before.is_some() { "motions added" } else { "motions" }.into(),
-        y_label: "standard deviation of f, %".into(),
-        x_log: false,
-        rows: vec![vec![Panel { title: String::new(), curves: vec![Curve { style, points, band: Vec::new() }] }]],
-        legend: vec![(style, "predicted".into())],
-        notes: vec![
-            format!(
-                "{} x {} px, f about {:.0} px; noise {} px, {:.0} matches to a full picture; attitude sigma {} deg",
-                a.image_size[0],
-                a.image_size[1],
-                a.fx,
-                text::short(a.noise_px),
-                a.points,
-                text::short(a.attitude_sigma_deg)
-            ),
-            "A cross at the upper edge: not determined yet.".into(),
-        ],
+    let mut command = String::from("groundcal calibrate PICTURES/");
+    if a.constraint != "auto" {
+        let _ = write!(command, " --constraint {}", a.constraint);
     }
+    if let Some([x, y]) = args.principal_point {
+        let _ = write!(command, " --principal-point {x},{y}");
+    }
+    for p in &args.prior {
+        let _ = write!(command, " --prior {}={}+-{}", p.parameter.name(), p.mean, p.sigma);
+    }
+    if let Some(lens) = args.distortion.to_possible_value().filter(|_| args.distortion != DistortionArg::Auto) {
+        let _ = write!(command, " --distortion {}", lens.get_name());
+    }
+    if args.attitude_sigma_deg.is_some() {
+        let _ = write!(command, " --attitude-sigma-deg {}", short(a.attitude_sigma_deg));
+    }
+    if args.height_sigma.is_some() {
+        let _ = write!(command, " --height-sigma {}", a.height_sigma);
+    }
+    command
 }
