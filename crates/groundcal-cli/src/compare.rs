@@ -7,8 +7,9 @@ use std::{
 
 use clap::Args;
 use groundcal::geometry::{
+    camera,
     camera_difference::{CameraDifference, camera_difference, significance},
-    camera_model::CameraModel,
+    lens::{Lens, Radtan},
     size::ImageSize,
 };
 use nalgebra::{DMatrix, DVector};
@@ -118,7 +119,7 @@ struct Reprojection {
 
 /// A file's camera with a size that is known.
 struct Camera {
-    model: CameraModel,
+    model: camera::Camera,
     covariance: Option<[[f64; 7]; 7]>,
 }
 
@@ -132,11 +133,13 @@ pub fn run(args: &CompareArgs) -> Result<String, CliError> {
         ))
     })?;
     let with_size = |camera: &ImportedCamera| Camera {
-        model: CameraModel {
+        model: camera::Camera {
             size: camera.size.unwrap_or(known),
             intrinsics: camera.intrinsics,
-            distortion: camera.distortion,
-            k3: camera.k3,
+            lens: Lens::Radtan(Radtan::new({
+                let d = &camera.distortion;
+                [d.k1, d.k2, d.p1, d.p2, camera.k3]
+            })),
         },
         covariance: camera.covariance,
     };
@@ -228,19 +231,19 @@ fn scaled(camera: Camera, size: ImageSize) -> Result<(Camera, Option<[usize; 2]>
 }
 
 /// Ten numbers in the order of [`PARAMETERS`], then p1, p2, k3.
-fn numbers(camera: &CameraModel) -> [(&'static str, &'static str, f64); 10] {
-    let (k, d) = (&camera.intrinsics, &camera.distortion);
+fn numbers(camera: &camera::Camera) -> [(&'static str, &'static str, f64); 10] {
+    let (k, lens) = (&camera.intrinsics, |name: &str| camera.lens.parameter(name).unwrap_or(0.0));
     [
         ("fx", "px", k.fx),
         ("fy", "px", k.fy),
         ("cx", "px", k.cx),
         ("cy", "px", k.cy),
         ("skew", "px", k.skew),
-        ("k1", "1", d.k1),
-        ("k2", "1", d.k2),
-        ("p1", "1", d.p1),
-        ("p2", "1", d.p2),
-        ("k3", "1", camera.k3),
+        ("k1", "1", lens("k1")),
+        ("k2", "1", lens("k2")),
+        ("p1", "1", lens("p1")),
+        ("p2", "1", lens("p2")),
+        ("k3", "1", lens("k3")),
     ]
 }
 
@@ -415,17 +418,16 @@ fn summary(w: &mut String, all: &Comparisons) -> std::fmt::Result {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
+    use groundcal::geometry::intrinsics::Intrinsics;
 
     use super::*;
     use groundcal_report::plot::{Item, letters};
 
     fn camera(width: usize, height: usize) -> Camera {
-        let model = CameraModel {
+        let model = camera::Camera {
             size: ImageSize::new(width, height),
             intrinsics: Intrinsics::square(700.0, 400.0, 300.0),
-            distortion: Distortion::default(),
-            k3: 0.0,
+            lens: Lens::None,
         };
         let mut covariance = [[0.0; 7]; 7];
         (covariance[0][0], covariance[1][1]) = (4.0, 9.0);

@@ -10,7 +10,7 @@ use crate::args::PictureFormatArg;
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::undistort::{Fit, Undistortion},
-    geometry::size::ImageSize,
+    geometry::{camera::Camera, size::ImageSize},
     vision::resample::{Pyramid, resample},
 };
 use serde::Serialize;
@@ -117,7 +117,7 @@ struct LensJson {
 pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
     let calibration = Calibration::read(&args.calibration)?;
     let (k, lens, size) = (calibration.camera.intrinsics(), calibration.camera.lens(), calibration.camera.size());
-    let undistortion = Undistortion::new(&k, &lens, size, args.fit.into())?;
+    let undistortion = Undistortion::new(&Camera { size, intrinsics: k, lens: lens.into() }, args.fit.into())?;
     let mut notes = Vec::new();
     if lens.is_none() {
         notes.push(format!(
