@@ -3,10 +3,12 @@
 pub mod attitude;
 pub mod camera;
 pub mod camera_difference;
+pub mod constraint;
 pub mod distortion;
 pub mod frame;
 pub mod homography;
 pub mod intrinsics;
 pub mod lens;
+pub mod parameters;
 pub mod plane_view;
 pub mod size;
