@@ -1,37 +1,33 @@
 //! `groundcal compare`: how far calibrations differ, in their parameters and in pixels.
 
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use groundcal::{
     geometry::{
         camera,
-        camera_difference::{CameraDifference, camera_difference, significance},
+        camera_difference::{camera_difference, significance},
         lens::{Lens, Radtan},
         size::ImageSize,
     },
     result::{Covariance, Parameter},
 };
 use nalgebra::{DMatrix, DVector};
-use serde::Serialize;
 
 use crate::error::CliError;
 use groundcal_io::{
     export::write_whole,
     import::{self, ImportedCamera},
 };
-use groundcal_report::plot::{
-    field::{Field, short},
-    png, svg,
+use groundcal_report::{
+    canvas::{png, svg},
+    comparison::{self, ComparedCamera, Comparison, Comparisons, Joint, ParameterDifference, Reprojection},
+    plot::Field,
+    terminal,
 };
 
 /// Pixels of the PNG for one of the canvas.
 const PNG_SCALE: f64 = 2.0;
-/// Beyond this many standard deviations, or below the probability of it, a difference is called significant.
-const SIGNIFICANT_P: f64 = 0.0027;
 
 /// `groundcal compare`.
 #[derive(Debug, Args)]
@@ -60,66 +56,6 @@ pub struct CompareArgs {
     pub json: bool,
 }
 
-/// All comparisons with the first camera.
-#[derive(Debug, Serialize)]
-struct Comparisons {
-    pixel_centre: &'static str,
-    reference: CameraReport,
-    comparisons: Vec<Comparison>,
-}
-
-#[derive(Debug, Serialize)]
-struct CameraReport {
-    file: String,
-    format: &'static str,
-    image_size: [usize; 2],
-}
-
-/// One camera against the first.
-#[derive(Debug, Serialize)]
-struct Comparison {
-    camera: CameraReport,
-    /// Size in its file where it was scaled to that of the reference.
-    scaled_from: Option<[usize; 2]>,
-    parameters: Vec<ParameterDifference>,
-    joint: Option<Joint>,
-    reprojection: Reprojection,
-}
-
-#[derive(Debug, Serialize)]
-struct ParameterDifference {
-    parameter: &'static str,
-    unit: &'static str,
-    reference: f64,
-    value: f64,
-    difference: f64,
-    /// Of the difference; null: neither file has an error for it.
-    standard_deviation: Option<f64>,
-    difference_in_standard_deviations: Option<f64>,
-}
-
-#[derive(Debug, Serialize)]
-struct Joint {
-    parameters: Vec<&'static str>,
-    chi_squared: f64,
-    degrees_of_freedom: usize,
-    p_value: f64,
-}
-
-#[derive(Debug, Serialize)]
-struct Reprojection {
-    rms_px: f64,
-    max_px: f64,
-    max_at_px: [f64; 2],
-    rms_without_rotation_px: f64,
-    max_without_rotation_px: f64,
-    rotation_deg: f64,
-    /// Camera coordinates of this camera from those of the reference, row by row.
-    rotation: [[f64; 3]; 3],
-    /// Part of the image, 0 to 1, that both lens models reach.
-    compared: f64,
-}
-
 /// A file's camera with a size that is known.
 struct Camera {
     model: camera::Camera,
@@ -146,7 +82,7 @@ pub fn run(args: &CompareArgs) -> Result<String, CliError> {
         },
         covariance: camera.covariance.clone(),
     };
-    let report = |i: usize, size: ImageSize| CameraReport {
+    let report = |i: usize, size: ImageSize| ComparedCamera {
         file: args.files[i].clone(),
         format: cameras[i].format,
         image_size: [size.width, size.height],
@@ -162,14 +98,14 @@ pub fn run(args: &CompareArgs) -> Result<String, CliError> {
         let difference = camera_difference(&reference.model, &camera.model)
             .map_err(|e| CliError::Input(format!("{} and {}: {e}", args.files[0], args.files[i])))?;
         if args.out.is_some() {
-            pictures.push(picture(&args.files[0], &args.files[i], size, &difference));
+            pictures.push(comparison::figure(&args.files[0], &args.files[i], size, &difference));
         }
         comparisons.push(Comparison {
             camera: report(i, size),
             scaled_from,
             parameters: parameters(&reference, &camera),
             joint: joint(&reference, &camera),
-            reprojection: reprojection(&difference),
+            reprojection: Reprojection::from(&difference),
         });
     }
     let all = Comparisons {
@@ -186,10 +122,7 @@ pub fn run(args: &CompareArgs) -> Result<String, CliError> {
     if args.json {
         return Ok(json);
     }
-    let mut page = String::new();
-    // Writing to a string cannot fail.
-    let _ = summary(&mut page, &all);
-    Ok(page)
+    Ok(comparison::text(&all, terminal::WIDTH))
 }
 
 fn write_files(out: &Path, json: &str, pictures: &[Field]) -> Result<(), CliError> {
@@ -199,7 +132,7 @@ fn write_files(out: &Path, json: &str, pictures: &[Field]) -> Result<(), CliErro
         let canvas = field.layout();
         let path = |kind: &str| out.join(format!("difference_{}.{kind}", i + 1));
         write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-        write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
+        write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE)?)?;
     }
     Ok(write_whole(&out.join("comparison.json"), json.as_bytes())?)
 }
@@ -296,139 +229,11 @@ fn joint(a: &Camera, b: &Camera) -> Option<Joint> {
     })
 }
 
-fn reprojection(d: &CameraDifference) -> Reprojection {
-    let r = &d.r_b_from_a;
-    Reprojection {
-        rms_px: d.rms_px,
-        max_px: d.max_px,
-        max_at_px: d.max_at_px.into(),
-        rms_without_rotation_px: d.rms_unrotated_px,
-        max_without_rotation_px: d.max_unrotated_px,
-        rotation_deg: d.rotation_rad.to_degrees(),
-        rotation: std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)])),
-        compared: d.compared,
-    }
-}
-
-/// The end of a path, where it tells files apart well enough for a title.
-fn tail(file: &str) -> String {
-    const LONGEST: usize = 34;
-    let count = file.chars().count();
-    if count <= LONGEST {
-        file.into()
-    } else {
-        format!("...{}", file.chars().skip(count + 3 - LONGEST).collect::<String>())
-    }
-}
-
-fn picture(first: &str, second: &str, size: ImageSize, d: &CameraDifference) -> Field {
-    Field {
-        title: format!("{} against {}", tail(second), tail(first)),
-        label: "difference after the best rotation, px".into(),
-        size: [size.width as f64, size.height as f64],
-        grid: d.grid,
-        vectors: d.points.iter().map(|p| p.difference_px.map(Into::into)).collect(),
-        notes: vec![
-            format!(
-                "Root mean square {} px, largest {} px at ({:.0}, {:.0}); rotation {} degrees.",
-                short(d.rms_px),
-                short(d.max_px),
-                d.max_at_px.x,
-                d.max_at_px.y,
-                short(d.rotation_rad.to_degrees())
-            ),
-            format!(
-                "Without a rotation: root mean square {} px, largest {} px.",
-                short(d.rms_unrotated_px),
-                short(d.max_unrotated_px)
-            ),
-        ],
-    }
-}
-
-fn summary(w: &mut String, all: &Comparisons) -> std::fmt::Result {
-    for (n, c) in all.comparisons.iter().enumerate() {
-        let [width, height] = all.reference.image_size;
-        writeln!(w, "A: {} ({}), {width} x {height} px", all.reference.file, all.reference.format)?;
-        write!(w, "B: {} ({}), ", c.camera.file, c.camera.format)?;
-        match c.scaled_from {
-            Some([w0, h0]) => writeln!(w, "{w0} x {h0} px, scaled to {width} x {height}")?,
-            None => writeln!(w, "{width} x {height} px")?,
-        }
-        writeln!(w, "\n{:<6}{:>14}{:>14}{:>14}{:>14}{:>14}", "", "A", "B", "B - A", "std. error", "std. errors")?;
-        // Lens coefficients that neither has say nothing.
-        let shown = |p: &&ParameterDifference| {
-            p.reference != 0.0 || p.value != 0.0 || matches!(p.parameter, "fx" | "fy" | "cx" | "cy")
-        };
-        for p in c.parameters.iter().filter(shown) {
-            let places = if p.unit == "px" { 3 } else { 6 };
-            let optional = |v: Option<f64>, places: usize| v.map_or("-".to_string(), |v| format!("{v:.places$}"));
-            writeln!(
-                w,
-                "{:<6}{:>14.places$}{:>14.places$}{:>+14.places$}{:>14}{:>14}",
-                p.parameter,
-                p.reference,
-                p.value,
-                p.difference,
-                optional(p.standard_deviation, places),
-                p.difference_in_standard_deviations.map_or("-".to_string(), |v| format!("{v:+.1}")),
-            )?;
-        }
-        writeln!(w)?;
-        match &c.joint {
-            Some(j) => {
-                let verdict =
-                    if j.p_value < SIGNIFICANT_P { "more than their errors explain" } else { "within their errors" };
-                let chi_squared = if j.chi_squared < 1e5 {
-                    format!("{:.1}", j.chi_squared)
-                } else {
-                    format!("{:.1e}", j.chi_squared)
-                };
-                let p = if j.p_value < 1e-4 { "p < 0.0001".into() } else { format!("p = {:.4}", j.p_value) };
-                writeln!(
-                    w,
-                    "Together ({}): chi-squared {chi_squared} with {} degrees of freedom, {p}: {verdict}.",
-                    j.parameters.join(", "),
-                    j.degrees_of_freedom,
-                )?;
-            }
-            None => {
-                writeln!(w, "Neither file has error bars (calibration.json has): the differences cannot be judged.")?
-            }
-        }
-        let r = &c.reprojection;
-        writeln!(w, "Reprojection of B against A, px:     rms      largest",)?;
-        writeln!(
-            w,
-            "  after the best rotation {:>14.4} {:>12.4} at ({:.0}, {:.0})",
-            r.rms_px, r.max_px, r.max_at_px[0], r.max_at_px[1]
-        )?;
-        writeln!(
-            w,
-            "  without a rotation      {:>14.4} {:>12.4}",
-            r.rms_without_rotation_px, r.max_without_rotation_px
-        )?;
-        writeln!(w, "  (rotation {:.5} degrees)", r.rotation_deg)?;
-        if r.compared < 1.0 {
-            writeln!(
-                w,
-                "Over {:.1} % of the image; beyond, one of the lens models gives nothing.",
-                100.0 * r.compared
-            )?;
-        }
-        if n + 1 < all.comparisons.len() {
-            writeln!(w)?;
-        }
-    }
-    Ok(())
-}
-
 #[cfg(test)]
 mod tests {
     use groundcal::geometry::intrinsics::Intrinsics;
 
     use super::*;
-    use groundcal_report::plot::{Item, letters};
 
     fn camera(width: usize, height: usize) -> Camera {
         let model = camera::Camera {
@@ -464,29 +269,5 @@ mod tests {
         let j = joint(&a, &b).unwrap();
         assert_eq!((j.parameters, j.degrees_of_freedom), (vec!["fx", "fy"], 2));
         assert!((j.chi_squared - 9.0 / 8.0).abs() < 1e-12);
-    }
-
-    #[test]
-    fn texts_of_the_picture_fit_with_the_letters_there_are() {
-        let mut b = camera(800, 600).model;
-        b.intrinsics.cx += 4.0;
-        let d = camera_difference(&camera(800, 600).model, &b).unwrap();
-        let name = "a_rather_long_folder/and_another_one/calibration.json";
-        let canvas = picture(name, name, b.size, &d).layout();
-        let mut texts = 0;
-        for item in canvas.items {
-            let Item::Text { at, text, size, anchor, upwards, .. } = item else { continue };
-            assert!(text.chars().all(|c| letters::letter(c).is_some()), "{text}");
-            let length = letters::write(&text).1 * size / letters::EM;
-            let middle = if upwards { at[1] } else { at[0] };
-            let start = match anchor {
-                groundcal_report::plot::Anchor::Start => middle,
-                groundcal_report::plot::Anchor::Middle => middle - 0.5 * length,
-                groundcal_report::plot::Anchor::End => middle - length,
-            };
-            assert!(start >= 0.0 && start + length <= if upwards { canvas.height } else { canvas.width }, "{text}");
-            texts += 1;
-        }
-        assert!(texts > 12);
     }
 }

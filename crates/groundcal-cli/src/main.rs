@@ -34,7 +34,10 @@ use groundcal_io::{
     load,
 };
 use groundcal_lab::render_scene;
-use groundcal_report::{html, text};
+use groundcal_report::{
+    html,
+    text::{self, SummaryOptions},
+};
 use progress::Progress;
 use remedies::Flags;
 
@@ -128,13 +131,13 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let progress = Progress::new("reading");
     let result = run(args, &progress);
     let mut times = progress.finish();
-    let Calibrated { mut calibration, count, images } = result?;
+    let Calibrated { mut calibration, images } = result?;
     if let Some(height_m) = args.camera_height {
         calibration = calibration.with_camera_height(height_m)?;
     }
     if let Some(out) = &args.out {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::html(&calibration, &images, &Flags)?) };
+        let page = if args.no_report { None } else { Some(html::page(&calibration, &images, &Flags)?) };
         let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
         for note in write_results(out, &calibration, &formats, page.as_deref())? {
             let _ = writeln!(std::io::stderr(), "note: {note}");
@@ -144,7 +147,8 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let page = if args.json {
         export::json(&calibration, &Flags)?
     } else {
-        text::summary(&calibration, count, args.verbose, &Flags)
+        let options = SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() };
+        text::summary(&calibration, &options, &Flags)
     };
     print(&page)?;
     if args.verbose {
@@ -161,8 +165,6 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
 /// A calibration and what it was made from.
 struct Calibrated {
     calibration: Calibration,
-    /// How many images.
-    count: usize,
     /// The images themselves; none for matches from elsewhere.
     images: Vec<GrayImage>,
 }
@@ -183,7 +185,7 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError
             }
             let images = load::images(&files)?;
             let calibration = calibrate_images(&names, &images, &options, progress)?;
-            Ok(Calibrated { calibration, count: names.len(), images })
+            Ok(Calibrated { calibration, images })
         }
         load::Input::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
@@ -200,7 +202,7 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }
-            Ok(Calibrated { calibration, count, images: Vec::new() })
+            Ok(Calibrated { calibration, images: Vec::new() })
         }
     }
 }

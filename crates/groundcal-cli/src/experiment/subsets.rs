@@ -13,7 +13,10 @@ use groundcal_lab::subsets::{Subset, rank_subsets};
 use crate::error::CliError;
 use crate::experiment::{methods::Measured, table::number};
 use groundcal_io::export::write_whole;
-use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
+use groundcal_report::{
+    canvas::{png, svg},
+    plot::{Curve, Figure, Marker, Panel, Style},
+};
 
 /// A constraint and the number of motions it needs at least.
 pub type Minimal = (Constraint, usize);
@@ -65,7 +68,7 @@ pub fn report(
     write_whole(&path("csv"), &csv(name, &rankings)?)?;
     let canvas = figure(name, &rankings).layout();
     write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-    write_whole(&path("png"), &png::encode(&canvas, 2.0).map_err(CliError::Other)?)?;
+    write_whole(&path("png"), &png::encode(&canvas, 2.0)?)?;
     let mut page = String::new();
     // Writing to a string cannot fail.
     let _ = summary(&mut page, &rankings);

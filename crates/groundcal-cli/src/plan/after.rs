@@ -5,14 +5,16 @@ use std::path::Path;
 use groundcal::{
     calibrate::{LensModel, Options},
     error::Error,
+    numerics::statistics::median,
     plan::{MIN_MATCHES, PlanOptions, Planner, Start},
     result::{Calibration, MotionReport, Parameter},
     start::linear_camera::GivenPrior,
 };
 
 use crate::error::CliError;
-use crate::plan::{PlanArgs, RigReport};
+use crate::plan::{DEFAULT_NOISE_PX, DEFAULT_POINTS, PlanArgs, rig_of};
 use groundcal_io::import::groundcal_json;
+use groundcal_report::plan::RigReport;
 
 /// Least noise a plan knows, pixels: exact matches are somebody's simulation.
 const LEAST_NOISE_PX: f64 = 1e-3;
@@ -41,11 +43,6 @@ pub fn read(path: &Path) -> Result<Known, CliError> {
     Ok(Known { covariance, name, file })
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 impl Known {
     /// Height of the camera over the floor in metres, where the calibration knows it.
     pub fn height_m(&self) -> Option<f64> {
@@ -60,9 +57,9 @@ impl Known {
             intrinsics: c.intrinsics(),
             distortion: c.lens(),
             size: c.size(),
-            rig: rig.rig(),
-            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(super::DEFAULT_NOISE_PX),
-            points: super::DEFAULT_POINTS,
+            rig: rig_of(rig),
+            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(DEFAULT_NOISE_PX),
+            points: DEFAULT_POINTS,
             motions: args.motions.unwrap_or(2) as usize,
             calibration: Options {
                 constraint: self.file.constraint,
@@ -77,7 +74,7 @@ impl Known {
             Some(points) => f64::from(points),
             None => self
                 .points(&Planner::new(&options, Some(&self.covariance)).map_err(|e| self.named(e))?)
-                .unwrap_or(super::DEFAULT_POINTS),
+                .unwrap_or(DEFAULT_POINTS),
         };
         Ok(options)
     }
@@ -93,10 +90,10 @@ impl Known {
     /// Noise of a coordinate: the residuals of the motions used, two coordinates of four being left over by the point, and what the
     /// refinement found them to be too small by.
     fn noise_px(&self) -> Option<f64> {
-        let rms = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
+        let mut rms: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
         let factor = self.file.fit.refinement.as_ref().and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
         let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
-        median(rms).map(|rms| (factor * rms / 2f64.sqrt()).max(LEAST_NOISE_PX))
+        (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(LEAST_NOISE_PX))
     }
 
     /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
@@ -112,7 +109,7 @@ impl Known {
             // Of a sliver that the rig's axis leaves in view nothing follows.
             (fraction > 0.05 && m.matches > 0).then_some(m.matches as f64 / fraction)
         };
-        let all = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
-        median(all).map(|n| n.clamp(MIN_MATCHES, 1e6))
+        let mut all: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
+        (!all.is_empty()).then(|| median(&mut all).clamp(MIN_MATCHES, 1e6))
     }
 }

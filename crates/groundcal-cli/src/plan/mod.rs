@@ -1,19 +1,17 @@
 //! `groundcal plan`: which pictures to take, and how well the camera will be known from them.
 
 mod after;
-mod text;
 
-use std::path::PathBuf;
+use std::{fmt::Write, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
     calibrate::Options,
     geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
-    plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start},
-    result::{Prior, Warning, WarningReport},
+    plan::{HEIGHT_SIGMA, Plan, PlanOptions, Planner, Rig, Start},
+    result::{Warning, WarningReport},
     start::linear_camera::GivenPrior,
 };
-use serde::Serialize;
 
 use crate::{
     args::{ConstraintArg, DistortionArg, parse_point, parse_prior, parse_size},
@@ -21,7 +19,12 @@ use crate::{
     remedies::Flags,
 };
 use groundcal_io::export;
-use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
+use groundcal_report::{
+    canvas::{png, svg},
+    number::short,
+    plan::{self, Assumed, PlanReport, RigReport},
+    terminal,
+};
 
 /// `groundcal plan`.
 #[derive(Debug, Args)]
@@ -196,6 +199,7 @@ const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 
 /// Strays up to which predictions were held against simulated calibrations (crates/groundcal/tests/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
+
 /// Angles in degrees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Angles(Vec<f64>);
@@ -226,47 +230,6 @@ fn parse_angles(text: &str) -> Result<Angles, String> {
     Ok(Angles(values))
 }
 
-/// Everything that is written as JSON.
-#[derive(Debug, Serialize)]
-pub struct Report {
-    format_version: u32,
-    rig: RigReport,
-    assumed: Assumed,
-    /// The camera as known from the calibration given; `null` without one.
-    before: Option<Prediction>,
-    motions: Vec<PlannedMotion>,
-    priors: Vec<Prior>,
-    warnings: Vec<WarningReport>,
-}
-
-/// How the camera can move.
-#[derive(Debug, Serialize)]
-struct RigReport {
-    name: &'static str,
-    tilts_deg: Vec<f64>,
-    rolls_deg: Vec<f64>,
-    turns_deg: Vec<f64>,
-    height_m: f64,
-    axis_offset_m: f64,
-    reach_m: f64,
-}
-
-/// What the error bars rest on.
-#[derive(Debug, Serialize)]
-struct Assumed {
-    image_size: [usize; 2],
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    noise_px: f64,
-    points: f64,
-    motions: usize,
-    constraint: &'static str,
-    attitude_sigma_deg: f64,
-    height_sigma: f64,
-}
-
 /// Makes the plan, writes the files of `--out` and gives the text for standard output.
 pub fn run(args: &PlanArgs) -> Result<String, CliError> {
     let report = report(args)?;
@@ -279,12 +242,12 @@ pub fn run(args: &PlanArgs) -> Result<String, CliError> {
         crate::refuse_file(out)?;
         std::fs::create_dir_all(out)
             .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
-        let canvas = figure(&report).layout();
+        let canvas = plan::figure(&report).layout();
         export::write_whole(&out.join("plan.svg"), svg::document(&canvas).as_bytes())?;
-        export::write_whole(&out.join("plan.png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?;
+        export::write_whole(&out.join("plan.png"), &png::encode(&canvas, PNG_SCALE)?)?;
         export::write_whole(&out.join("plan.json"), json()?.as_bytes())?;
     }
-    if args.json { json() } else { Ok(text::page(&report, args)) }
+    if args.json { json() } else { Ok(plan::text(&report, &command(&report, args), terminal::WIDTH)) }
 }
 
 /// Pixels of the PNG for one of the SVG: sharp on dense screens.
@@ -297,7 +260,7 @@ fn positive(name: &str, value: f64, limit: f64) -> Result<f64, CliError> {
     Err(CliError::Usage(format!("{name} {value}: give a number above 0, at most {limit}")))
 }
 
-fn report(args: &PlanArgs) -> Result<Report, CliError> {
+fn report(args: &PlanArgs) -> Result<PlanReport, CliError> {
     let carrier = args.rig.carrier();
     let known = args.after.as_deref().map(after::read).transpose()?;
     let height_m = args.height_m.or(known.as_ref().and_then(|k| k.height_m())).unwrap_or(carrier.height_m);
@@ -314,7 +277,7 @@ fn report(args: &PlanArgs) -> Result<Report, CliError> {
     if attitude_sigma_deg > CHECKED_SIGMA_DEG {
         warnings.push(Warning::LargeStrays { sigma_deg: attitude_sigma_deg, checked_deg: 0.1 });
     }
-    Ok(Report {
+    Ok(PlanReport {
         format_version: 1,
         assumed: Assumed {
             image_size: [options.size.width, options.size.height],
@@ -354,6 +317,7 @@ fn rig(args: &PlanArgs, carrier: &Carrier, height_m: f64) -> Result<RigReport, C
     }
     Ok(RigReport {
         name: carrier.name,
+        drives: args.rig == RigArg::Robot,
         tilts_deg: angles(&args.tilts_deg, carrier.tilts_deg),
         rolls_deg: angles(&args.rolls_deg, carrier.rolls_deg),
         turns_deg,
@@ -363,16 +327,15 @@ fn rig(args: &PlanArgs, carrier: &Carrier, height_m: f64) -> Result<RigReport, C
     })
 }
 
-impl RigReport {
-    fn rig(&self) -> Rig {
-        let radians = |values: &[f64]| values.iter().map(|v| v.to_radians()).collect();
-        Rig {
-            pitches_down_rad: radians(&self.tilts_deg),
-            rolls_rad: radians(&self.rolls_deg),
-            turns_rad: radians(&self.turns_deg),
-            axis_offset: self.axis_offset_m / self.height_m,
-            reach: self.reach_m / self.height_m,
-        }
+/// In radians and heights of the camera.
+fn rig_of(report: &RigReport) -> Rig {
+    let radians = |values: &[f64]| values.iter().map(|v| v.to_radians()).collect();
+    Rig {
+        pitches_down_rad: radians(&report.tilts_deg),
+        rolls_rad: radians(&report.rolls_deg),
+        turns_rad: radians(&report.turns_deg),
+        axis_offset: report.axis_offset_m / report.height_m,
+        reach: report.reach_m / report.height_m,
     }
 }
 
@@ -391,7 +354,7 @@ fn fresh(args: &PlanArgs, carrier: &Carrier, rig: &RigReport) -> Result<PlanOpti
         intrinsics: Intrinsics::square(f, cx, cy),
         distortion: Distortion::default(),
         size,
-        rig: rig.rig(),
+        rig: rig_of(rig),
         noise_px: args.noise_px.unwrap_or(DEFAULT_NOISE_PX),
         points: args.points.map_or(DEFAULT_POINTS, f64::from),
         motions: args.motions.unwrap_or(4) as usize,
@@ -407,35 +370,27 @@ fn fresh(args: &PlanArgs, carrier: &Carrier, rig: &RigReport) -> Result<PlanOpti
     })
 }
 
-/// Predicted standard deviation of f against the number of motions.
-fn figure(report: &Report) -> Figure {
-    let style = Style { color: [0, 90, 160], width: 2.0, dash: &[], marker: Some(Marker::Circle), filled: true };
-    let before = report.before.iter().map(|p| [0.0, p.f_percent]);
-    let after = report
-        .motions
-        .iter()
-        .enumerate()
-        .map(|(i, m)| [(i + 1) as f64, m.after.as_ref().map_or(f64::INFINITY, |p| p.f_percent)]);
-    let points = before.chain(after).collect();
+/// The command that calibrates from the pictures of the plan.
+fn command(report: &PlanReport, args: &PlanArgs) -> String {
     let a = &report.assumed;
-    Figure {
-        title: format!("Expected error of the focal length, {}", report.rig.name),
-        x_label: if report.before.is_some() { "motions added" } else { "motions" }.into(),
-        y_label: "standard deviation of f, %".into(),
-        x_log: false,
-        rows: vec![vec![Panel { title: String::new(), curves: vec![Curve { style, points, band: Vec::new() }] }]],
-        legend: vec![(style, "predicted".into())],
-        notes: vec![
-            format!(
-                "{} x {} px, f about {:.0} px; noise {} px, {:.0} matches to a full picture; attitude sigma {} deg",
-                a.image_size[0],
-                a.image_size[1],
-                a.fx,
-                text::short(a.noise_px),
-                a.points,
-                text::short(a.attitude_sigma_deg)
-            ),
-            "A cross at the upper edge: not determined yet.".into(),
-        ],
+    let mut command = String::from("groundcal calibrate PICTURES/");
+    if a.constraint != "auto" {
+        let _ = write!(command, " --constraint {}", a.constraint);
     }
+    if let Some([x, y]) = args.principal_point {
+        let _ = write!(command, " --principal-point {x},{y}");
+    }
+    for p in &args.prior {
+        let _ = write!(command, " --prior {}={}+-{}", p.parameter.name(), p.mean, p.sigma);
+    }
+    if let Some(lens) = args.distortion.to_possible_value().filter(|_| args.distortion != DistortionArg::Auto) {
+        let _ = write!(command, " --distortion {}", lens.get_name());
+    }
+    if args.attitude_sigma_deg.is_some() {
+        let _ = write!(command, " --attitude-sigma-deg {}", short(a.attitude_sigma_deg));
+    }
+    if args.height_sigma.is_some() {
+        let _ = write!(command, " --height-sigma {}", a.height_sigma);
+    }
+    command
 }

@@ -16,7 +16,10 @@ use crate::{
     error::CliError,
 };
 use groundcal_io::export::write_whole;
-use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
+use groundcal_report::{
+    canvas::{png, svg},
+    plot::{Curve, Figure, Marker, Panel, Style},
+};
 
 /// The trials of one condition, summed up: each of [`Method::ALL`], then the bound.
 struct Row {
@@ -59,7 +62,7 @@ fn write_files(out: &Path, name: &str, table: &[u8], figure: &Figure) -> Result<
     write_whole(&path("csv"), table)?;
     let canvas = figure.layout();
     write_whole(&path("svg"), svg::document(&canvas).as_bytes())?;
-    Ok(write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE).map_err(CliError::Other)?)?)
+    Ok(write_whole(&path("png"), &png::encode(&canvas, PNG_SCALE)?)?)
 }
 
 /// Draws nothing where standard error is not a terminal.
@@ -318,7 +321,6 @@ fn summary(w: &mut String, study: Study, rows: &[Row], trials: u32) -> std::fmt:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal_report::plot::{Anchor, Item, letters};
 
     #[test]
     fn numbers_have_six_digits() {
@@ -358,27 +360,18 @@ mod tests {
             let row = |condition| Row { condition, fewest_matches: 0, summaries: vec![summarise_bound(&[]); 9] };
             let rows: Vec<Row> = study.conditions().into_iter().map(row).collect();
             let canvas = figure(study, &rows, 100_000).layout();
-            let mut placed: Vec<([f64; 2], f64, String)> = Vec::new();
-            for item in canvas.items {
-                let Item::Text { at, text, size, anchor, upwards, .. } = item else { continue };
-                assert!(text.chars().all(|c| letters::letter(c).is_some()), "{text}");
-                let length = letters::write(&text).1 * size / letters::EM * WIDER;
-                let middle = if upwards { at[1] } else { at[0] };
-                let start = match anchor {
-                    Anchor::Start => middle,
-                    Anchor::Middle => middle - 0.5 * length,
-                    Anchor::End => middle - length,
-                };
-                assert!(start >= 0.0 && start + length <= if upwards { canvas.height } else { canvas.width }, "{text}");
-                if !upwards {
-                    for ([low, high], y, other) in &placed {
-                        let apart = (y - at[1]).abs() >= size || start > *high || start + length < *low;
-                        assert!(apart, "{text}, {other}");
-                    }
-                    placed.push(([start, start + length], at[1], text));
+            let texts = canvas.texts(WIDER);
+            for (i, text) in texts.iter().enumerate() {
+                let side = canvas.view[if text.upwards { 3 } else { 2 }];
+                assert!(text.has_letters && text.along[0] >= 0.0 && text.along[1] <= side, "{text:?}");
+                for other in texts[..i].iter().filter(|other| !(text.upwards || other.upwards)) {
+                    let apart = (other.across - text.across).abs() >= text.size
+                        || text.along[0] > other.along[1]
+                        || text.along[1] < other.along[0];
+                    assert!(apart, "{text:?}, {other:?}");
                 }
             }
-            assert!(placed.len() > 20);
+            assert!(texts.len() > 20);
         }
     }
 }

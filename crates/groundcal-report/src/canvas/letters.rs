@@ -5,9 +5,9 @@
 use tiny_skia::{Path, PathBuilder};
 
 /// Units of the table in one font size.
-pub const EM: f64 = 31.0;
+pub(crate) const EM: f64 = 31.0;
 /// Width of the pen.
-pub const PEN: f64 = 2.7;
+pub(crate) const PEN: f64 = 2.7;
 
 /// Letter, advance, and the way of the pen: `M` to a point, pen lifted; `L` straight to a point; `H` and `V` a quarter of an
 /// ellipse to a point, leaving horizontally or vertically; `C` a cubic curve by two control points to the third. The y axis
@@ -104,12 +104,12 @@ const LETTERS: &[(char, f32, &str)] = &[
 const BOX: (f32, &str) = (17.5, "M2.5,0 L2.5,20 L15,20 L15,0 L2.5,0");
 
 /// Advance and way of the pen.
-pub fn letter(c: char) -> Option<(f32, &'static str)> {
+pub(crate) fn letter(c: char) -> Option<(f32, &'static str)> {
     LETTERS.iter().find(|l| l.0 == c).map(|l| (l.1, l.2))
 }
 
 /// Lines to draw with the pen, beginning at the origin of the base line (units of the table, y down), and the text's length.
-pub fn write(text: &str) -> (Option<Path>, f64) {
+pub(crate) fn write(text: &str) -> (Option<Path>, f64) {
     let mut builder = PathBuilder::new();
     let mut x = 0.0;
     for c in text.chars() {
