@@ -103,3 +103,38 @@ pub fn export(family: &Family, seed: u64, index: usize, folder: &Path) -> Result
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lies::families::families;
+
+    #[test]
+    fn every_family_makes_scenes_to_calibrate_from() {
+        for f in families() {
+            for index in 0..2 {
+                let scene = f.scene(3, index);
+                assert!(scene.views.len() >= 2 && !scene.truths.is_empty(), "{}", f.name);
+                let pairs = matches(&scene);
+                assert!(!pairs.is_empty(), "{} {index}: no matches", f.name);
+                let finite = |m: &groundcal::pairs::correspondence::PointMatch| {
+                    m.a.iter().chain(m.b.iter()).all(|v| v.is_finite())
+                };
+                assert!(pairs.iter().all(|p| p.matches.iter().all(finite)), "{}", f.name);
+            }
+        }
+    }
+
+    #[test]
+    fn pictures_come_less_often_than_points() {
+        let all = families();
+        let scenes = schedule(&all, 1000);
+        assert_eq!(scenes.len(), 1000);
+        let pictures = scenes.iter().filter(|(f, _)| f.medium == Medium::Pictures).count();
+        assert!((50..200).contains(&pictures), "{pictures}");
+        assert_eq!(
+            schedule(&all, 300).iter().map(|s| s.1).collect::<Vec<_>>(),
+            scenes.iter().take(300).map(|s| s.1).collect::<Vec<_>>()
+        );
+    }
+}
