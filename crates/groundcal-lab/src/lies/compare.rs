@@ -102,6 +102,8 @@ mod tests {
             attitude_sigma_deg: 0.1,
             scene: "floor".into(),
             converged: Some(true),
+            design_effect: Some(1.0),
+            variance_factor: None,
             priors: Vec::new(),
         }
     }

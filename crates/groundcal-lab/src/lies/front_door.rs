@@ -6,7 +6,7 @@ use groundcal::{
     calibrate::{Options, Silent, calibrate_images, calibrate_matches},
     error::Error,
     geometry::size::ImageSize,
-    result::Calibration,
+    result::{Calibration, ResidualReport},
 };
 
 use crate::lies::{kind::Medium, pictures::pictures, points::matches, scene::Scene};
@@ -35,6 +35,10 @@ pub(crate) struct Answer {
     pub(crate) attitude_sigma_deg: f64,
     pub(crate) scene: &'static str,
     pub(crate) converged: Option<bool>,
+    /// How much more the residuals of neighbours have in common than independent ones would; the largest of all kinds of points.
+    pub(crate) design_effect: Option<f64>,
+    /// Their variance over that of single homographies; the largest likewise.
+    pub(crate) variance_factor: Option<f64>,
     /// Priors that rule a number: posterior over prior deviation.
     pub(crate) priors: Vec<(&'static str, f64)>,
 }
@@ -66,6 +70,10 @@ pub(crate) fn ask(scene: &Scene, medium: Medium) -> Outcome {
 
 fn answer(c: &Calibration) -> Answer {
     let (k, s) = (&c.camera, &c.standard_deviation);
+    let largest = |of: &dyn Fn(&ResidualReport) -> f64| {
+        let refinement = c.fit.refinement?;
+        [refinement.patches, refinement.points].iter().flatten().map(of).reduce(f64::max)
+    };
     Answer {
         numbers: [k.fx, k.fy, k.cx, k.cy],
         sigmas: [s.fx, s.fy, s.cx, s.cy],
@@ -75,6 +83,8 @@ fn answer(c: &Calibration) -> Answer {
         attitude_sigma_deg: c.attitude_sigma_deg,
         scene: c.scene.unwrap_or("linear"),
         converged: c.fit.refinement.map(|r| r.converged),
+        design_effect: largest(&|r| r.design_effect),
+        variance_factor: largest(&|r| r.variance_factor),
         priors: c.priors.iter().map(|p| (p.parameter, p.posterior_over_prior)).collect(),
     }
 }

@@ -67,6 +67,12 @@ pub struct SceneRecord {
     pub scene: String,
     /// Whether the refinement ended by itself; null: there was none.
     pub converged: Option<bool>,
+    /// How much more the residuals of neighbouring points have in common than independent ones would.
+    #[serde(default)]
+    pub design_effect: Option<f64>,
+    /// Variance of the residuals over that under single homographies.
+    #[serde(default)]
+    pub variance_factor: Option<f64>,
     /// Posterior over prior deviation of what has a prior.
     pub priors: Vec<(String, f64)>,
 }
@@ -93,6 +99,8 @@ impl SceneRecord {
             attitude_sigma_deg: 0.0,
             scene: String::new(),
             converged: None,
+            design_effect: None,
+            variance_factor: None,
             priors: Vec::new(),
         };
         match out {
@@ -125,6 +133,7 @@ impl SceneRecord {
         self.attitude_sigma_deg = answer.attitude_sigma_deg;
         self.scene = answer.scene.to_string();
         self.converged = answer.converged;
+        (self.design_effect, self.variance_factor) = (answer.design_effect, answer.variance_factor);
         self.priors = answer.priors.iter().map(|(name, ratio)| (name.to_string(), *ratio)).collect();
     }
 

@@ -209,12 +209,19 @@ impl Scene {
         self.truths = vec![optics.numbers()];
     }
 
-    /// All cameras that occur become right answers.
+    /// All cameras that occur, as they are after what was done to the pictures, become right answers.
     pub(crate) fn any_camera_is_right(&mut self) {
+        let (w, h) = (self.size[0] as f64 - 1.0, self.size[1] as f64 - 1.0);
         self.truths.clear();
         for v in &self.views {
-            if !self.truths.contains(&v.optics.numbers()) {
-                self.truths.push(v.optics.numbers());
+            let [fx, fy, cx, cy] = v.optics.numbers();
+            let numbers = match v.flip {
+                Flip::Not => [fx, fy, cx, cy],
+                Flip::Mirrored => [fx, fy, w - cx, cy],
+                Flip::UpsideDown => [fx, fy, w - cx, h - cy],
+            };
+            if !self.truths.contains(&numbers) {
+                self.truths.push(numbers);
             }
         }
     }

@@ -229,10 +229,12 @@ impl Studio {
         poses
     }
 
-    /// Things far away, all around.
+    /// Things far away, all around, nearer on one side than on the other (a sphere about a lens's axis of rotation would look the same
+    /// to a lens off that axis, but for f).
     pub(crate) fn far_away(&mut self, radius_m: f64) -> Surface {
         let texture = Texture::far(self.random.seed(), radius_m * 0.15);
-        Surface::fixed(Shape::Sphere { radius_m }, texture, Pose::identity())
+        let aside = self.random.level_direction() * self.random.uniform(0.2, 0.45) * radius_m;
+        Surface::fixed(Shape::Sphere { radius_m }, texture, Pose::new(Matrix3::identity(), aside))
     }
 
     /// A board that lies or stands in the scene.

@@ -266,6 +266,7 @@ fn mirrored_some(s: &mut Studio) -> Scene {
         let view = s.random.below(scene.views.len());
         scene.views[view].flip = Flip::Mirrored;
     }
+    scene.any_camera_is_right();
     scene
 }
 
@@ -276,6 +277,7 @@ fn upside_down_some(s: &mut Studio) -> Scene {
             scene.views[view].flip = Flip::UpsideDown;
         }
     }
+    scene.any_camera_is_right();
     scene
 }
 
@@ -288,5 +290,6 @@ fn upside_down_pairs(s: &mut Studio) -> Scene {
     for view in (1..scene.views.len()).step_by(2) {
         scene.views[view].flip = Flip::UpsideDown;
     }
+    scene.any_camera_is_right();
     scene
 }
