@@ -21,3 +21,4 @@ pub mod names;
 pub mod note;
 pub mod pictures;
 pub mod text;
+pub mod view_files;

@@ -6,6 +6,7 @@
 mod calibration_json;
 mod colmap;
 mod file;
+pub mod floor_picture;
 pub mod formats;
 mod kalibr;
 mod matlab;
@@ -13,6 +14,7 @@ mod nerfstudio;
 mod number;
 mod opencv;
 mod ros;
+pub mod undistorted;
 mod world;
 mod write;
 

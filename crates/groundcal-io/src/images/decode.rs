@@ -45,13 +45,17 @@ impl ImageFiles {
 
     /// An image file, upright.
     pub(crate) fn read(&self, path: &Path) -> Result<StoredImage, IoError> {
-        let bytes = file::bytes(path, MAX_IMAGE_BYTES)?;
+        self.read_bytes(path, &file::bytes(path, MAX_IMAGE_BYTES)?)
+    }
+
+    /// The content of an image file, upright.
+    pub(crate) fn read_bytes(&self, path: &Path, bytes: &[u8]) -> Result<StoredImage, IoError> {
         if bytes.is_empty() {
             return Err(IoError::file(path, "the file is empty. Copy it again or remove it"));
         }
-        match self.decode(path, &bytes)? {
+        match self.decode(path, bytes)? {
             Decoded::Image(image) => Ok(image),
-            Decoded::Foreign(kind) => self.convert(path, &bytes, kind),
+            Decoded::Foreign(kind) => self.convert(path, bytes, kind),
         }
     }
 

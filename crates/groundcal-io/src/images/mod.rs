@@ -14,7 +14,7 @@ mod stored;
 mod tiff;
 
 pub use range::{ValueRange, ValueRanges};
-pub use read::{Images, read_image, read_images, read_stored};
+pub use read::{Images, read_image, read_image_bytes, read_images, read_stored};
 pub use stored::{Samples, StoredImage};
 
 #[cfg(test)]

@@ -61,6 +61,14 @@ pub fn read_image(path: &Path) -> Result<(GrayImage, Vec<Note>), IoError> {
     Ok((image, notes))
 }
 
+/// The content of an image file as grey values of its type's range; `path` stands for it in messages.
+///
+/// # Errors
+/// As [`read_images`].
+pub fn read_image_bytes(path: &Path, bytes: &[u8]) -> Result<GrayImage, IoError> {
+    Ok(loaded(path, ImageFiles::new().read_bytes(path, bytes)?)?.grey)
+}
+
 /// Grey values in their type's range, with what is needed to find a better one.
 struct Loaded {
     grey: GrayImage,
