@@ -37,6 +37,7 @@ pub mod pairs;
 #[cfg(feature = "synthetic")]
 pub mod plan;
 pub mod refine;
+pub mod remedy;
 pub mod result;
 pub mod select;
 pub mod start;

@@ -6,6 +6,7 @@ use crate::{
         stage_options::StageOptions,
     },
     error::Error,
+    geometry::parameters::PriorParameter,
     geometry::{distortion::Distortion, intrinsics::Intrinsics},
     ids::{ImageId, PairId},
     numerics::statistics::chi_squared_survival,
@@ -17,7 +18,7 @@ use crate::{
 pub(super) const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
 /// Parameters whose priors, when they decide, are worth a warning: a good camera's aspect ratio and a lens without distortion are
 /// no news.
-const MATTERS: [&str; 4] = ["fx", "cx", "cy", "skew"];
+const MATTERS: [PriorParameter; 4] = [PriorParameter::Fx, PriorParameter::Cx, PriorParameter::Cy, PriorParameter::Skew];
 /// Posterior over prior deviation from which on the prior decided.
 const PRIOR_DECIDES: f64 = 0.7;
 /// Deviation of the principal point, as a fraction of the width, below which it counts as known.
@@ -49,9 +50,9 @@ pub(super) fn unmodelled_distortion(
         return Ok(None);
     }
     let percent_if = |k1: f64| match solve(&Lens { distortion: Distortion::radial(k1, 0.0), intrinsics: *k }) {
-        Ok(undone) => Ok(100.0 * (k.fx / undone.fx - 1.0)),
+        Ok(undone) => Ok(Some(100.0 * (k.fx / undone.fx - 1.0))),
         Err(Error::Stopped) => Err(Error::Stopped),
-        Err(_) => Ok(f64::INFINITY),
+        Err(_) => Ok(None),
     };
     Ok(Some(Warning::DistortionNotModelled {
         pincushion_percent: percent_if(SLIGHT_K1)?,

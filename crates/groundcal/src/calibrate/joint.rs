@@ -133,13 +133,13 @@ impl Joint {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
         let ratio = |i: usize, sigma: f64| self.bundle.covariance[(i, i)].max(0.0).sqrt() / sigma;
         let of_camera = start.priors.into_iter().map(|p| {
-            let index = PriorParameter::ALL.iter().position(|n| n.name() == p.parameter);
+            let index = PriorParameter::ALL.iter().position(|n| *n == p.parameter);
             let known = index.and_then(|i| Some(ratio(i, options.priors[i]?.1)));
             PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), ..p }
         });
         let of_lens = (5..CAMERA).filter_map(|i| {
             let (mean, sigma) = options.priors[i]?;
-            let parameter = PriorParameter::ALL[i].name();
+            let parameter = PriorParameter::ALL[i];
             Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma) })
         });
         let priors = of_camera.chain(of_lens).collect();

@@ -1,5 +1,6 @@
 //! What a calibration may be told, and what the camera's stages and the refinement make of it.
 
+pub use crate::result::Method;
 use crate::{
     error::Error,
     geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
@@ -8,6 +9,7 @@ use crate::{
         robust::RobustOptions,
     },
     refine::BundleOptions,
+    result::calibration::ATTITUDE_SIGMA_DEG,
     start::{
         absolute_conic::Constraint,
         linear_camera::{CameraOptions, GivenPrior, PriorParameter},
@@ -17,19 +19,6 @@ use crate::{
         patches::PatchOptions,
     },
 };
-
-/// How the camera is estimated from the motions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Method {
-    /// Closed form and maximum likelihood of the circular points (KZR), each motion by itself.
-    Linear,
-    /// Joint refinement of camera, lens, attitudes, views and points, from there.
-    #[default]
-    Joint,
-    /// All homographies taken for rotations about the optical centre ([`crate::start::rotating_camera`]): a pan-tilt camera on the spot. No
-    /// floor is needed, no axis is assumed; [`Constraint::Auto`] stands for [`Constraint::ZeroSkew`].
-    Rotating,
-}
 
 /// What is estimated of a lens.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -116,7 +105,6 @@ impl Default for Options {
 
 /// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it; and
 /// a thing moved before a fixed camera by an arm or by hand, when a single motion cannot show it.
-const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 pub(super) const HELD_ATTITUDE_SIGMA_DEG: f64 = 1.5;
 /// Prior of ln(fy / fx) under `auto`, and when the ratio is given.
 const ASPECT_SIGMA: f64 = 0.003;

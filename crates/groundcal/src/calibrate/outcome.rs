@@ -18,8 +18,10 @@ use crate::{
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{CAMERA, SceneModel, ViewEstimate},
     result::{
-        AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, FloorHomography, MotionReport, Prior,
-        StandardDeviation, ViewReport, Warning,
+        AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Prior, Scene,
+        StandardDeviation, ViewParameter, ViewReport, Warning,
+        calibration::{FORMAT_VERSION, SCHEMA_VERSION},
+        diagnosis,
     },
     select::{
         attitude_groups::AttitudeGroup,
@@ -47,22 +49,25 @@ pub(super) fn assemble(
         attitudes: attitude_reports(solved, &attitudes, names, stages),
         views: joint.map_or(Vec::new(), |joint| view_reports(joint, names)),
         motions: motion_reports(solved, selection, pairs, &attitudes, names, stages),
-        warnings: warnings.iter().map(Warning::report).collect(),
+        warnings,
         evidence: evidence_of(pairs, joint, known, names, &stages.frame),
         ..camera_report(solved, &lens, stages)
     };
-    match solved.amplification {
+    let mut calibration = match solved.amplification {
         Some(factor) => amplified(calibration, factor),
         None => calibration,
+    };
+    let diagnoses = diagnosis::motions(&calibration);
+    for (motion, diagnosis) in calibration.motions.iter_mut().zip(diagnoses) {
+        motion.diagnosis = diagnosis;
     }
+    calibration
 }
 
 /// The camera alone.
 fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) -> Calibration {
     let (s, joint) = (&solved.solution, solved.joint.as_ref());
-    let k = &s.intrinsics;
     let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
-    let d = &lens.distortion;
     let covariance = |r: usize, c: usize| match joint {
         Some(joint) => joint.covariance_px[(r, c)],
         None if r < 5 && c < 5 => s.covariance_px[(r, c)],
@@ -71,24 +76,10 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
     };
     let over_floor = joint.filter(|joint| joint.bundle.scene == SceneModel::Floor);
     Calibration {
-        format_version: 1,
-        pixel_centre: "(0,0) is the centre of the top-left pixel",
-        camera: Camera {
-            image_size: [stages.size.width, stages.size.height],
-            fx: k.fx,
-            fy: k.fy,
-            cx: k.cx,
-            cy: k.cy,
-            skew: k.skew,
-            distortion: DistortionReport {
-                model: if d.is_none() { "none" } else { "radtan" },
-                source: lens.source,
-                k1: d.k1,
-                k2: d.k2,
-                p1: d.p1,
-                p2: d.p2,
-            },
-        },
+        schema_version: SCHEMA_VERSION,
+        format_version: FORMAT_VERSION,
+        pixel_centre: PixelCentre::TopLeftPixel,
+        camera: Camera::new(stages.size, &s.intrinsics, &lens.distortion, lens.source),
         standard_deviation: StandardDeviation {
             fx: sd(0),
             fy: sd(1),
@@ -98,21 +89,14 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
             k1: lens.k1_sigma,
             k2: lens.k2_sigma,
         },
-        covariance: Covariance {
-            parameters: ["fx", "fy", "cx", "cy", "skew", "k1", "k2"],
-            matrix: std::array::from_fn(|r| std::array::from_fn(|c| covariance(r, c))),
-        },
-        constraint: solved.constraint.name().to_string(),
-        method: match solved.method {
-            Method::Joint => "joint",
-            Method::Linear => "linear",
-            Method::Rotating => "rotating",
-        },
+        covariance: Covariance::from_fn(&Parameter::ALL, covariance),
+        constraint: solved.constraint,
+        method: solved.method,
         camera_height_m: None,
         scene: match (solved.method, over_floor) {
             (Method::Linear, _) => None,
-            (Method::Joint, Some(_)) => Some("floor"),
-            (Method::Joint, None) | (Method::Rotating, _) => Some("directions"),
+            (Method::Joint, Some(_)) => Some(Scene::Floor),
+            (Method::Joint, None) | (Method::Rotating, _) => Some(Scene::Directions),
         },
         priors: s
             .priors
@@ -212,10 +196,10 @@ fn view_reports(joint: &Joint, names: Names<'_>) -> Vec<ViewReport> {
             roll_sigma_deg: sigma_deg(1),
             position: floor.then(|| e.centre.into()),
             position_sigma: floor.then(|| e.centre_sigma.into()),
-            floor_from_image: over_floor.map(|o| FloorHomography::new(&o, &covariance)),
+            floor_from_image: over_floor.map(|o| o.homography_with_covariance(&covariance)),
             observations: e.observations,
             weighted_rms: e.weighted_rms,
-            covariance,
+            covariance: Covariance::from_fn(&ViewParameter::ALL, |r, c| covariance[(r, c)]),
         })
     };
     b.views.iter().enumerate().filter_map(report).collect()
@@ -262,6 +246,7 @@ fn motion_reports(
                 Some(_) => None,
                 None => why_not_used(pair, selection.verdict(pair.id), pairs, names),
             },
+            diagnosis: None,
         }
     };
     pairs.iter().map(report).collect()
@@ -303,13 +288,10 @@ fn amplified(mut c: Calibration, factor: f64) -> Calibration {
     for value in [&mut s.fx, &mut s.fy, &mut s.cx, &mut s.cy, &mut s.skew].into_iter().flatten() {
         *value *= factor;
     }
-    for value in c.covariance.matrix.iter_mut().flatten() {
-        *value *= factor * factor;
-    }
+    c.covariance.scale(|_| factor);
     c.fit.distortion_amplification = factor;
     let percent = 100.0 * c.standard_deviation.fx.unwrap_or(0.0) / c.camera.fx;
-    let code = Warning::LargeUncertainty { percent }.report().code;
-    c.warnings.retain(|warning| warning.code != code);
-    c.warnings.extend(large_uncertainty(percent).map(|warning| warning.report()));
+    c.warnings.retain(|warning| !matches!(warning, Warning::LargeUncertainty { .. }));
+    c.warnings.extend(large_uncertainty(percent));
     c
 }

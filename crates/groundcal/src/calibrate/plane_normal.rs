@@ -47,7 +47,7 @@ pub(super) fn solve_plane_normal(
         match refine_motions(pairs, selection, &solution, lens, &refinement, observer) {
             Ok(refined) => joint = refined,
             Err(error) if error.is_degenerate() || error == Error::Stopped => return Err(error),
-            Err(error) => warnings.push(Warning::NotRefined { reason: error.to_string() }),
+            Err(error) => warnings.push(Warning::NotRefined { reason: error.finding() }),
         }
     }
     let through = |lens: &Lens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);

@@ -20,6 +20,7 @@ use crate::{
         BundleOptions, Kind, SceneModel, State, adjust_until,
         start::{floor_deviation, rotations_from_links, state_from_links},
     },
+    remedy::Remedy,
     select::{attitude_groups::AttitudeGroup, selection::Selection},
     start::linear_camera::CameraSolution,
 };
@@ -230,10 +231,7 @@ fn adjusted(
                  leave residuals {:.0} times as large as the matching noise: the camera moved, before a scene that is no floor",
                 patches.max(points).sqrt()
             ),
-            remedy:
-                "Turn the camera about its optical centre, or about the normal of a floor that it sees; name the true \
-                     motions with --pairs"
-                    .into(),
+            remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
         });
     }
     Ok(Joint::new(bundle, setup.tracks, views, options.bundle.tangential, &options.frame))

@@ -16,6 +16,7 @@ use crate::{
         refine::HomographyEstimate,
         robust::RobustHomography,
     },
+    remedy::Remedy,
 };
 
 /// What a pair of images shows. In a list, [`Self::id`] is its place.
@@ -198,9 +199,8 @@ pub(crate) fn why_no_motion(pairs: &[PairObservation], needed: usize) -> Error {
         let best = refusals().filter_map(|r| r.plane.as_ref()).map(|plane| plane.inliers.len()).max().unwrap_or(0);
         return Error::NoCommonPlane { pairs: pairs.len(), best, needed };
     }
-    let turn = "Turn the camera by 15 to 60 degrees between the two images of a motion, without tilting it";
-    let (reason, remedy) = if count(RefusalKind::Static) == with_plane {
-        ("nothing moved between the images (all matches stand still)".to_string(), turn.to_string())
+    let (reason, remedies) = if count(RefusalKind::Static) == with_plane {
+        ("nothing moved between the images (all matches stand still)".to_string(), vec![Remedy::CLEAR_TURN])
     } else if count(RefusalKind::NoRotation) > 0 {
         let angles = || refusals().filter(|r| r.kind == RefusalKind::NoRotation).filter_map(|r| r.rotation_deg);
         let (largest, half_turns) = (angles().fold(0.0, f64::max), angles().filter(|a| *a > 90.0).count());
@@ -215,10 +215,10 @@ pub(crate) fn why_no_motion(pairs: &[PairObservation], needed: usize) -> Error {
                  {largest:.1} degrees, not above its noise)"
             )
         };
-        (reason, turn.to_string())
+        (reason, vec![Remedy::CLEAR_TURN])
     } else {
         let text = refusals().find(|r| r.kind == RefusalKind::Uncertain).map_or(String::new(), |r| r.reason.clone());
-        (text, "Give more matches spread over more of the image, and turn the camera further".to_string())
+        (text, vec![Remedy::MoreMatches, Remedy::TurnFurther])
     };
-    Error::NoUsableMotion { pairs: with_plane, reason, remedy }
+    Error::NoUsableMotion { pairs: with_plane, reason, remedies }
 }

@@ -6,6 +6,7 @@ use crate::{
     ids::PairId,
     observer::Observer,
     pairs::observation::{PairObservation, TurningPlane, why_no_motion},
+    remedy::Remedy,
     select::{
         attitude_groups::{Motion, Sides},
         consistent_set::{ConsistencyOptions, ConsistentSet, Verdict, find_consistent},
@@ -132,8 +133,6 @@ fn coincidence(found: &ConsistentSet) -> Error {
              distortion is large",
             found.log_odds, found.needed_log_odds
         ),
-        remedy: "Turn the camera without tilting it between the images of a motion; name the true motions with --pairs; give \
-                 --k1 for a wide lens, or --attitude-sigma-deg for a carrier that pitches"
-            .into(),
+        remedies: vec![Remedy::DoNotTilt, Remedy::NamePairs, Remedy::GiveLensCoefficients, Remedy::GiveAttitudeSigma],
     }
 }

@@ -13,6 +13,7 @@ use crate::{
     geometry::{intrinsics::Intrinsics, size::ImageSize},
     ids::{ImageId, PairId},
     pairs::observation::{PairObservation, images_of, why_no_motion},
+    remedy::Remedy,
     select::{
         attitude_groups::Sides,
         selection::{MotionKind, PairVerdict, Rejection, Selection},
@@ -77,10 +78,7 @@ pub(crate) fn select_rotations(pairs: &[PairObservation], options: &RotationOpti
                  three joined images are needed: the camera was moved between the images",
                 rotations.len()
             ),
-            remedy:
-                "Use the joint method (the default), which needs a floor but no fixed optical centre; or name the true \
-                     rotations with --pairs"
-                    .into(),
+            remedies: vec![Remedy::UseJointMethod, Remedy::NamePairs],
         });
     }
     Ok(selection_of(&rotations, &nearest, pairs))
