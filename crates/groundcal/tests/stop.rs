@@ -11,6 +11,7 @@ use std::{
         Mutex,
         atomic::{AtomicUsize, Ordering::SeqCst},
     },
+    time::{Duration, Instant},
 };
 
 use groundcal::{
@@ -30,6 +31,8 @@ struct StopAt {
     done_after: AtomicUsize,
     begun_after: AtomicUsize,
     stages: Mutex<(Option<Stage>, HashMap<&'static str, usize>)>,
+    /// The last poll, and the longest time between two: printed, since it hangs on the machine.
+    pause: Mutex<(Instant, Duration)>,
 }
 
 fn name(stage: Option<Stage>) -> &'static str {
@@ -46,7 +49,8 @@ fn name(stage: Option<Stage>) -> &'static str {
 impl StopAt {
     fn new(poll: usize) -> Self {
         let zero = || AtomicUsize::new(0);
-        Self { poll, polls: zero(), done_after: zero(), begun_after: zero(), stages: Mutex::default() }
+        let (stages, pause) = (Mutex::default(), Mutex::new((Instant::now(), Duration::ZERO)));
+        Self { poll, polls: zero(), done_after: zero(), begun_after: zero(), stages, pause }
     }
 
     fn is_over(&self) -> bool {
@@ -73,6 +77,9 @@ impl Observer for StopAt {
         let now = name(stages.0);
         *stages.1.entry(now).or_default() += 1;
         drop(stages);
+        let mut pause = self.pause.lock().expect("no panic");
+        *pause = (Instant::now(), pause.1.max(pause.0.elapsed()));
+        drop(pause);
         self.polls.fetch_add(1, SeqCst) + 1 >= self.poll
     }
 }
@@ -105,6 +112,7 @@ fn work_on_images_stops_in_every_stage() {
     let work = |observer: &dyn Observer| calibrate_images(&names, &images, &options, observer).map(|_| ());
     let never = StopAt::new(usize::MAX);
     work(&never).expect("a camera");
+    println!("longest time between two questions: {:.1?}", never.pause.lock().expect("no panic").1);
     // Every row of an image, every block of descriptors, several times a homography, every patch, every step of the refinement.
     let (height, pairs) = (images[0].size().height, 6);
     assert!(never.polls_in(Stage::Features) > images.len() * height);
