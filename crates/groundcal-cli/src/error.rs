@@ -1,5 +1,7 @@
 //! What ends the program early, and its exit code.
 
+use crate::remedies::Flags;
+
 /// A calibration, or what else was asked for.
 pub(crate) const SUCCESS: u8 = 0;
 /// Anything else that goes wrong.
@@ -41,7 +43,7 @@ impl std::fmt::Display for CliError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(text),
-            CliError::Calibration(error) => error.fmt(f),
+            CliError::Calibration(error) => f.write_str(&error.message(&Flags)),
         }
     }
 }

@@ -7,6 +7,7 @@ mod commands;
 mod error;
 mod output;
 mod progress;
+mod remedies;
 
 use std::{
     ffi::OsString,

@@ -189,7 +189,7 @@ fn verdict(joint: Option<&Joint>) -> String {
 }
 
 fn reprojection(r: &Reprojection) -> Table {
-    let mut table = Table::new().name("").number("rms").number("largest").name("");
+    let mut table = Table::new().name("").number("rms").number("largest").note("");
     let [x, y] = r.max_at_px.map(|v| fixed(v, 0));
     let largest = format!("at ({x}, {y})");
     table.row(["after the best rotation".into(), fixed(r.rms_px, 4), fixed(r.max_px, 4), largest]);
@@ -249,7 +249,7 @@ mod tests {
             distortion: Distortion::default(),
             k3: 0.0,
         };
-        let mut b = a.clone();
+        let mut b = a;
         b.intrinsics.cx += 4.0;
         camera_difference(&a, &b).unwrap()
     }

@@ -7,13 +7,23 @@ const GAPS: [usize; 2] = [2, 1];
 /// Names are not cut below this.
 const LEAST_NAME: usize = 8;
 
+/// What a column holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// At the left; may be cut.
+    Name,
+    /// At the right.
+    Number,
+    /// Words at the left, never cut.
+    Note,
+}
+
 /// A column of a [`Table`].
 #[derive(Debug, Clone)]
 struct Column {
     /// Lines of its heading.
     heads: Vec<String>,
-    /// Names stand at the left and may be cut, numbers at the right.
-    name: bool,
+    kind: Kind,
 }
 
 /// A table. Where the line is too short for it, names are cut in their middle; where that is not enough, the table is written in
@@ -30,21 +40,27 @@ impl Table {
         Self::default()
     }
 
-    fn column(mut self, head: &str, name: bool) -> Self {
-        self.columns.push(Column { heads: head.split('\n').map(str::to_string).collect(), name });
+    fn column(mut self, head: &str, kind: Kind) -> Self {
+        self.columns.push(Column { heads: head.split('\n').map(str::to_string).collect(), kind });
         self
     }
 
     /// Adds a column of names; a heading may have several lines.
     #[must_use]
     pub fn name(self, head: &str) -> Self {
-        self.column(head, true)
+        self.column(head, Kind::Name)
     }
 
     /// Adds a column of numbers; a heading may have several lines.
     #[must_use]
     pub fn number(self, head: &str) -> Self {
-        self.column(head, false)
+        self.column(head, Kind::Number)
+    }
+
+    /// Adds a column of words, which are never cut; a heading may have several lines.
+    #[must_use]
+    pub fn note(self, head: &str) -> Self {
+        self.column(head, Kind::Note)
     }
 
     /// Adds a row: a cell a column, in their order; what is missing is empty.
@@ -76,14 +92,14 @@ impl Table {
         let gap = GAPS.into_iter().find(|gap| total(&widths, &all, *gap) <= width).unwrap_or(GAPS[1]);
         // The longest names give way first.
         while total(&widths, &all, gap) > width {
-            let names = all.iter().filter(|&&i| self.columns[i].name && widths[i] > LEAST_NAME);
+            let names = all.iter().filter(|&&i| self.columns[i].kind == Kind::Name && widths[i] > LEAST_NAME);
             let Some(&longest) = names.max_by_key(|&&i| widths[i]) else { break };
             widths[longest] -= 1;
         }
         if total(&widths, &all, gap) <= width {
             return self.piece(&all, &widths, gap);
         }
-        let key: Vec<usize> = all.iter().copied().take_while(|&i| self.columns[i].name).collect();
+        let key: Vec<usize> = all.iter().copied().take_while(|&i| self.columns[i].kind == Kind::Name).collect();
         let mut pieces: Vec<Vec<usize>> = Vec::new();
         for &i in &all[key.len()..] {
             match pieces.last_mut() {
@@ -128,9 +144,10 @@ impl Table {
                 let cells: Vec<String> = columns
                     .iter()
                     .zip(cells)
-                    .map(|(&i, cell)| match self.columns[i].name {
-                        true => format!("{:<1$}", shortened(cell, widths[i]), widths[i]),
-                        false => format!("{cell:>0$}", widths[i]),
+                    .map(|(&i, cell)| match self.columns[i].kind {
+                        Kind::Name => format!("{:<1$}", shortened(cell, widths[i]), widths[i]),
+                        Kind::Number => format!("{cell:>0$}", widths[i]),
+                        Kind::Note => format!("{cell:<0$}", widths[i]),
                     })
                     .collect();
                 cells.join(&blanks).trim_end().to_string()

@@ -3,7 +3,8 @@
 
 use groundcal::{
     numerics::statistics::NORMAL_95,
-    result::{Calibration, MotionReport},
+    remedy::Wording,
+    result::{Calibration, LensModelName, LensSource, Method, MotionReport, Parameter, Scene, Warning},
 };
 
 use crate::{
@@ -29,8 +30,8 @@ impl Default for SummaryOptions {
     }
 }
 
-/// The page.
-pub fn summary(c: &Calibration, options: &SummaryOptions) -> String {
+/// The page, in the words of a front end.
+pub fn summary(c: &Calibration, options: &SummaryOptions, wording: &dyn Wording) -> String {
     let SummaryOptions { width, verbose } = *options;
     let (double, single) = (rule('=', width), rule('-', width));
     let title = format!("groundcal {}: camera from floor motions", env!("CARGO_PKG_VERSION"));
@@ -38,7 +39,7 @@ pub fn summary(c: &Calibration, options: &SummaryOptions) -> String {
     if !c.priors.is_empty() {
         blocks.push(priors(c).text(width));
     }
-    blocks.push(motions(c).text(width));
+    blocks.push(motions(c).text(width) + &misfits(c, width, wording));
     if !c.attitudes.is_empty() {
         blocks.push(attitudes(c).text(width));
     }
@@ -50,9 +51,8 @@ pub fn summary(c: &Calibration, options: &SummaryOptions) -> String {
         blocks.push(left);
     }
     let notes: String = notes(c, verbose).iter().map(|note| wrapped(note, 0, width) + "\n").collect();
-    let warnings = c.warnings.iter();
-    let warnings: String =
-        warnings.map(|w| format!("\nwarning [{}]\n{}\n", w.code, wrapped(&w.message, 2, width))).collect();
+    let warning = |w: &Warning| format!("\nwarning [{}]\n{}\n", w.code(), wrapped(&w.message(wording), 2, width));
+    let warnings: String = c.warnings.iter().map(warning).collect();
     format!(
         "{}\n{double}\n{}{double}\n{}{double}\n{notes}{warnings}",
         centred(&title, width),
@@ -66,23 +66,23 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
     let [width, height] = c.camera.image_size;
     let used = c.motions.iter().filter(|m| m.used).count();
     let method = match c.method {
-        "joint" => "joint refinement",
-        "rotating" => "rotating camera, covariance-weighted",
-        _ => "linear, covariance-weighted",
+        Method::Joint => "joint refinement",
+        Method::Rotating => "rotating camera, covariance-weighted",
+        Method::Linear => "linear, covariance-weighted",
     };
     let estimated = if c.attitude_sigma_estimated { ", estimated" } else { "" };
     let mut list = vec![
         ("Images", format!("{}, {width} x {height} px", c.evidence.images.len())),
         ("Method", method.into()),
         ("Motions used", format!("{used} of {} pairs", c.motions.len())),
-        ("Constraint", c.constraint.clone()),
+        ("Constraint", c.constraint.to_string()),
         ("Attitudes", c.attitudes.len().to_string()),
         ("Attitude sigma", format!("{} deg a view{estimated}", fixed(c.attitude_sigma_deg, 3))),
     ];
     if let Some(r) = &c.fit.refinement {
         let scene = match c.scene {
-            Some("directions") => "far away, the camera turns on the spot".to_string(),
-            _ => format!("floor; {} ties between attitudes", r.ties),
+            Some(Scene::Directions) => "far away, the camera turns on the spot".to_string(),
+            Some(Scene::Floor) | None => format!("floor; {} ties between attitudes", r.ties),
         };
         list.push(("Scene", scene));
         let heights = c.height_sigma.map_or("no part".into(), |s| format!("{} % a view", fixed(100.0 * s, 3)));
@@ -106,48 +106,32 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
 fn distortion(c: &Calibration) -> String {
     let d = &c.camera.distortion;
     match (d.source, d.model) {
-        ("given", _) => format!("given: k1 {}, k2 {}", d.k1, d.k2),
-        ("estimated", "none") => "estimated: none found".into(),
-        (source, _) => source.into(),
+        (LensSource::Given, _) => format!("given: k1 {}, k2 {}", d.k1, d.k2),
+        (LensSource::Estimated, LensModelName::None) => "estimated: none found".into(),
+        (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.name().into(),
     }
 }
 
 /// The camera's numbers with their error bars.
 fn camera(c: &Calibration) -> Table {
-    let s = &c.standard_deviation;
-    let d = &c.camera.distortion;
     let mut table = Table::new()
         .name("")
         .number("estimate\npx")
         .number("std. error\npx")
         .number("95 % interval\npx")
         .number("std. error\n% of fx");
-    let interval = |value: f64, sigma: f64, decimals: usize| {
-        let [low, high] = [-NORMAL_95, NORMAL_95].map(|t| fixed(value + t * sigma, decimals));
-        format!("{low} to {high}")
-    };
-    for (name, value, sigma) in [
-        ("fx", c.camera.fx, s.fx),
-        ("fy", c.camera.fy, s.fy),
-        ("cx", c.camera.cx, s.cx),
-        ("cy", c.camera.cy, s.cy),
-        ("skew", c.camera.skew, s.skew),
-    ] {
-        let estimate = fixed(value, 3);
-        match sigma {
-            Some(sigma) => table.row([
-                name.into(),
-                estimate,
-                fixed(sigma, 3),
-                interval(value, sigma, 3),
-                fixed(100.0 * sigma / c.camera.fx, 3),
-            ]),
-            None => table.row([name.into(), estimate, "held".into()]),
-        }
-    }
-    for (name, value, sigma) in [("k1", d.k1, s.k1), ("k2", d.k2, s.k2)] {
-        if let Some(sigma) = sigma {
-            table.row([name.into(), fixed(value, 5), fixed(sigma, 5), interval(value, sigma, 5)]);
+    for p in Parameter::ALL {
+        let value = c.value(p);
+        let decimals = if p.is_of_lens() { 5 } else { 3 };
+        match c.standard_deviation(p) {
+            Some(sigma) => {
+                let [low, high] = [-NORMAL_95, NORMAL_95].map(|t| fixed(value + t * sigma, decimals));
+                let of_fx = if p.is_of_lens() { String::new() } else { fixed(100.0 * sigma / c.camera.fx, 3) };
+                let [estimate, error] = [value, sigma].map(|v| fixed(v, decimals));
+                table.row([p.to_string(), estimate, error, format!("{low} to {high}"), of_fx]);
+            }
+            None if p.is_of_lens() => {}
+            None => table.row([p.to_string(), fixed(value, decimals), "held".into()]),
         }
     }
     table
@@ -157,7 +141,7 @@ fn camera(c: &Calibration) -> Table {
 fn priors(c: &Calibration) -> Table {
     let mut table = Table::new().name("prior").number("mean").number("std. dev.").number("narrowed by the images to");
     for p in &c.priors {
-        let unit = if matches!(p.parameter, "aspect" | "k1" | "k2") { "" } else { ", px" };
+        let unit = if p.parameter.is_in_pixels() { ", px" } else { "" };
         let narrowed = fixed(100.0 * p.posterior_over_prior.min(1.0), 0);
         table.row([format!("{}{unit}", p.parameter), fixed(p.mean, 3), fixed(p.sigma, 3), format!("{narrowed} %")]);
     }
@@ -189,6 +173,15 @@ fn motions(c: &Calibration) -> Table {
         ]);
     }
     table.without_empty_columns()
+}
+
+/// Motions used that do not fit the others.
+fn misfits(c: &Calibration, width: usize, wording: &dyn Wording) -> String {
+    let misfit = |m: &MotionReport| {
+        let message = m.diagnosis.and_then(|d| d.verdict.message(wording))?;
+        Some(wrapped(&format!("does not fit: {} - {}: {message}", m.from, m.to), 2, width) + "\n")
+    };
+    c.motions.iter().filter_map(misfit).collect()
 }
 
 /// The camera over the floor: angles, height and horizon of each attitude.

@@ -5,6 +5,7 @@
 use groundcal::{
     calibrate::{Method, Options, Silent, calibrate_matches},
     pairs::correspondence::ImagePair,
+    remedy::Plain,
     result::Calibration,
     synthetic::points::PointScene,
 };
@@ -27,7 +28,7 @@ fn lines_fit_and_numbers_stand_apart_at_every_width() {
         for method in [Method::Joint, Method::Linear] {
             let c = calibration(prefix, method);
             for width in 60..=130 {
-                let page = summary(&c, &SummaryOptions { width, verbose: true });
+                let page = summary(&c, &SummaryOptions { width, verbose: true }, &Plain);
                 for line in page.lines() {
                     assert!(line.chars().count() <= width, "{width}: {line}");
                     // Rows of motions and views: two names, then numbers.
@@ -51,7 +52,7 @@ fn lines_fit_and_numbers_stand_apart_at_every_width() {
 #[test]
 fn the_camera_stands_with_its_error_bars() {
     let c = calibration("m", Method::Joint);
-    let page = summary(&c, &SummaryOptions::default());
+    let page = summary(&c, &SummaryOptions::default(), &Plain);
     println!("{page}");
     let row = page.lines().find(|l| l.starts_with("fx ")).unwrap();
     let words: Vec<&str> = row.split_whitespace().collect();
@@ -70,7 +71,7 @@ fn the_camera_stands_with_its_error_bars() {
 
 #[test]
 fn the_page_has_every_section_and_its_numbers() {
-    let page = html::page(&calibration("<m>", Method::Joint), &[]).unwrap();
+    let page = html::page(&calibration("<m>", Method::Joint), &[], &Plain).unwrap();
     for id in ["warnings", "camera", "motions", "residuals", "floor", "attitudes", "tables"] {
         assert!(page.contains(&format!("<section id=\"{id}\"")), "{id}");
     }

@@ -31,6 +31,7 @@ use crate::{
     error::CliError,
     output,
     progress::StageTimes,
+    remedies::Flags,
 };
 
 /// `groundcal calibrate`.
@@ -211,7 +212,7 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     }
     if let Some(out) = &args.out {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::page(&calibration, &images)?) };
+        let page = if args.no_report { None } else { Some(html::page(&calibration, &images, &Flags)?) };
         let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
         for note in write_results(out, &calibration, &formats, page.as_deref())? {
             output::note(&note);
@@ -219,9 +220,9 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
         times.push(("writing", start.elapsed()));
     }
     let page = if args.json {
-        export::json(&calibration)?
+        export::json(&calibration, &Flags)?
     } else {
-        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() })
+        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() }, &Flags)
     };
     output::print(&page)?;
     if args.verbose {
@@ -274,7 +275,7 @@ fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated
             let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
             if table.neighbours_only {
-                calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
+                calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }
             Ok(Calibrated { calibration, images: Vec::new(), notes: Vec::new() })
         }
@@ -308,7 +309,7 @@ fn write_results(
     page: Option<&str>,
 ) -> Result<Vec<String>, CliError> {
     output::make_folder(out)?;
-    let json = export::json(calibration)?;
+    let json = export::json(calibration, &Flags)?;
     let rendered = export::render(calibration, formats)?;
     if let Some(page) = page {
         export::write_whole(&out.join("report.html"), page.as_bytes())?;

@@ -6,9 +6,11 @@ use clap::{Args, ValueEnum};
 use groundcal::{
     floor::{
         layout::{self, DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, ResolutionError, sets_of_one_world},
+        placed::{Placed, placed},
         rectify::{Mosaic, rectify},
         view::{FloorGrid, FloorView},
     },
+    result::{Calibration, Method},
     vision::resample::{Pyramid, Resampled},
 };
 use groundcal_io::{
@@ -16,7 +18,7 @@ use groundcal_io::{
         floor_picture::{self, FloorPicture},
         write_whole,
     },
-    import::groundcal_json::{Calibration, Placed},
+    import::groundcal_json,
     inputs::find_images,
     names::stems,
     pictures::{self, PictureFormat, PictureReader},
@@ -133,18 +135,19 @@ pub(crate) fn run(args: &RectifyArgs) -> Result<(), CliError> {
 
 /// Writes the pictures; what is printed, with notes for standard error.
 fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
-    let calibration = Calibration::read(&args.calibration)?;
+    let calibration = groundcal_json::read(&args.calibration)?;
     let camera_height_m = args.camera_height.or(calibration.camera_height_m);
     let scale = args.camera_height.map_or(1.0, |h| h / calibration.camera_height_m.unwrap_or(1.0));
-    let placed = calibration.placed(scale)?;
+    let placed = placed(&calibration, scale)?;
     if args.mosaic && placed.iter().all(|p| p.origin.is_none()) {
         return Err(CliError::Input(format!(
             "{}: the views have attitudes but no positions ({}), so there is no common floor to lay them on. Calibrate without \
              --method linear, or leave --mosaic out to rectify each view by itself",
             args.calibration.display(),
-            match calibration.method.as_deref() {
-                Some("linear") => "--method linear",
-                _ => "the joint refinement failed",
+            match calibration.method {
+                Method::Linear => "--method linear",
+                Method::Rotating => "--method rotating",
+                Method::Joint => "the joint refinement failed",
             }
         )));
     }

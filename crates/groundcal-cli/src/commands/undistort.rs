@@ -9,7 +9,7 @@ use groundcal::{
 };
 use groundcal_io::{
     export::{undistorted, write_whole},
-    import::groundcal_json::Calibration,
+    import::groundcal_json,
     inputs::find_images,
     names::stems,
     pictures::{self, PictureFormat, PictureReader},
@@ -92,7 +92,7 @@ pub(crate) fn run(args: &UndistortArgs) -> Result<(), CliError> {
 
 /// What is printed, with notes for standard error.
 fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
-    let calibration = Calibration::read(&args.calibration)?;
+    let calibration = groundcal_json::read(&args.calibration)?;
     let (k, lens, size) = (calibration.camera.intrinsics(), calibration.camera.lens(), calibration.camera.size());
     let undistortion = Undistortion::new(&k, &lens, size, args.fit.into())?;
     let mut notes = Vec::new();
@@ -123,7 +123,7 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
 
     let mut text = String::new();
     let new = undistortion.intrinsics();
-    let json = undistorted::camera_json(size, new, args.fit.into(), (&k, &lens))?;
+    let json = undistorted::camera_json(new, args.fit.into(), &calibration.camera)?;
     write_whole(&args.out.join("camera_undistorted.json"), json.as_bytes())?;
     let _ = writeln!(
         text,

@@ -11,6 +11,7 @@ mod plan;
 mod readers;
 mod rectify;
 mod report;
+mod result;
 mod shared_data;
 mod simulate;
 mod structure;

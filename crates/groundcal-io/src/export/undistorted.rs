@@ -5,6 +5,10 @@ use std::{io::Cursor, path::Path};
 use groundcal::{
     floor::undistort::Fit,
     geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    result::{
+        Camera, LensSource, PixelCentre,
+        calibration::{FORMAT_VERSION, SCHEMA_VERSION},
+    },
 };
 use serde::Serialize;
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
@@ -13,74 +17,31 @@ use crate::error::IoError;
 
 /// Read back as a calibration.
 #[derive(Debug, Serialize)]
-struct CameraFile {
+struct CameraFile<'a> {
+    schema_version: u32,
     format_version: u32,
-    pixel_centre: &'static str,
-    camera: CameraJson,
+    pixel_centre: PixelCentre,
+    camera: Camera,
     undistort_fit: &'static str,
-    distorted_camera: CameraJson,
-}
-
-#[derive(Debug, Serialize)]
-struct CameraJson {
-    image_size: [usize; 2],
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    skew: f64,
-    distortion: LensJson,
-}
-
-#[derive(Debug, Serialize)]
-struct LensJson {
-    model: &'static str,
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
-}
-
-impl CameraJson {
-    fn new(size: ImageSize, k: &Intrinsics, d: &Distortion) -> Self {
-        CameraJson {
-            image_size: [size.width, size.height],
-            fx: k.fx,
-            fy: k.fy,
-            cx: k.cx,
-            cy: k.cy,
-            skew: k.skew,
-            distortion: LensJson {
-                model: if d.is_none() { "none" } else { "radtan" },
-                k1: d.k1,
-                k2: d.k2,
-                p1: d.p1,
-                p2: d.p2,
-            },
-        }
-    }
+    distorted_camera: &'a Camera,
 }
 
 /// The camera of undistorted images, and beside it the one with the lens.
 ///
 /// # Errors
 /// [`IoError::Other`] when it cannot be written as JSON.
-pub fn camera_json(
-    size: ImageSize,
-    undistorted: &Intrinsics,
-    fit: Fit,
-    original: (&Intrinsics, &Distortion),
-) -> Result<String, IoError> {
+pub fn camera_json(undistorted: &Intrinsics, fit: Fit, original: &Camera) -> Result<String, IoError> {
     let file = CameraFile {
-        format_version: 1,
-        pixel_centre: "(0,0) is the centre of the top-left pixel",
-        camera: CameraJson::new(size, undistorted, &Distortion::default()),
+        schema_version: SCHEMA_VERSION,
+        format_version: FORMAT_VERSION,
+        pixel_centre: PixelCentre::TopLeftPixel,
+        camera: Camera::new(original.size(), undistorted, &Distortion::default(), LensSource::Given),
         undistort_fit: match fit {
             Fit::Same => "same",
             Fit::All => "all",
             Fit::Crop => "crop",
         },
-        distorted_camera: CameraJson::new(size, original.0, original.1),
+        distorted_camera: original,
     };
     serde_json::to_string_pretty(&file)
         .map(|json| json + "\n")

@@ -1,11 +1,11 @@
 //! A camera as the formats give it: below them all.
 
-use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize};
+use groundcal::{
+    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    result::{Covariance, Parameter},
+};
 
 use crate::limits::{FOCAL_LENGTHS_PX, MAX_PIXELS, SIDES_PX};
-
-/// Order of the parameters that have errors.
-pub const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
 
 /// A camera as a file describes it, pixel (0, 0) being the centre of the top-left pixel whatever the file's convention.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,8 +22,8 @@ pub struct ImportedCamera {
     pub distortion: Distortion,
     /// Radial coefficient of sixth order.
     pub k3: f64,
-    /// Covariance of [`PARAMETERS`] (rows of what was held are zero), where the file has errors.
-    pub covariance: Option<[[f64; 7]; 7]>,
+    /// Covariance (rows of what was held are zero), where the file has errors.
+    pub covariance: Option<Covariance<Parameter>>,
     /// What was taken for granted, and what was left aside: sentences.
     pub notes: Vec<String>,
 }

@@ -19,7 +19,7 @@ mod ros;
 mod spelling;
 mod truth_json;
 
-pub use imported::{ImportedCamera, PARAMETERS};
+pub use imported::ImportedCamera;
 pub use read::read_camera;
 
 #[cfg(test)]

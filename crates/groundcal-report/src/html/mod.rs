@@ -7,7 +7,7 @@ mod model;
 mod pictures;
 mod sections;
 
-use groundcal::{result::Calibration, vision::image::GrayImage};
+use groundcal::{remedy::Wording, result::Calibration, vision::image::GrayImage};
 
 use crate::{canvas::svg::escape, error::ReportError};
 use pictures::Pictures;
@@ -16,8 +16,8 @@ use pictures::Pictures;
 ///
 /// # Errors
 /// An image without pixels; a fault in encoding a picture.
-pub fn page(c: &Calibration, images: &[GrayImage]) -> Result<String, ReportError> {
-    let mut model = model::model(c);
+pub fn page(c: &Calibration, images: &[GrayImage], wording: &dyn Wording) -> Result<String, ReportError> {
+    let mut model = model::model(c, wording);
     let pictures = if images.is_empty() {
         Pictures::default()
     } else {

@@ -1,6 +1,7 @@
 //! Pixels and points of the floor; bird's-eye and undistorted pictures.
 
 pub mod layout;
+pub mod placed;
 pub mod rectify;
 pub mod undistort;
 pub mod view;

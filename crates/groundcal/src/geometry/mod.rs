@@ -3,9 +3,11 @@
 pub mod attitude;
 pub mod camera_difference;
 pub mod camera_model;
+pub mod constraint;
 pub mod distortion;
 pub mod frame;
 pub mod homography;
 pub mod intrinsics;
+pub mod parameters;
 pub mod plane_view;
 pub mod size;

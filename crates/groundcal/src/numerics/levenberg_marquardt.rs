@@ -6,6 +6,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::observer::{Observer, Silent};
+
 /// Cost, gradient and Gauss-Newton matrix at a state.
 pub struct NormalEquations {
     /// Half the weighted sum of squared residuals.
@@ -88,6 +90,8 @@ pub enum StopReason {
     MaxIterations,
     /// No damping gave a lower cost, with the predicted decrease still noticeable.
     Stalled,
+    /// The observer said so.
+    Stopped,
 }
 
 /// The best state found and how it was reached.
@@ -110,6 +114,16 @@ pub fn minimise<P: LeastSquares>(
     start: P::State,
     options: &LmOptions,
 ) -> Option<LmOutput<P::State, P::Linearised>> {
+    minimise_until(problem, start, options, &Silent)
+}
+
+/// The same under an observer's eyes, which is asked before each step whether to stop ([`StopReason::Stopped`]).
+pub(crate) fn minimise_until<P: LeastSquares>(
+    problem: &P,
+    start: P::State,
+    options: &LmOptions,
+    observer: &dyn Observer,
+) -> Option<LmOutput<P::State, P::Linearised>> {
     let mut state = start;
     let mut at = problem.linearise(&state)?;
     let mut lambda = 1e-6;
@@ -117,6 +131,10 @@ pub fn minimise<P: LeastSquares>(
     let mut iterations = 0;
     let mut stop = StopReason::MaxIterations;
     while iterations < options.max_iterations {
+        if observer.stopped() {
+            stop = StopReason::Stopped;
+            break;
+        }
         iterations += 1;
         let solved = at.solve(lambda).filter(|s| s.step.iter().all(|v| v.is_finite()));
         let Some(DampedStep { step, predicted_decrease }) = solved else {

@@ -16,9 +16,10 @@ use rayon::prelude::*;
 use crate::{
     geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
     numerics::linalg::{rows_of, sphere_tangent},
+    observer::{Observer, Silent},
     pairs::{
         correspondence::PointMatch,
-        refine::{RefineOptions, linearise, refine},
+        refine::{RefineOptions, linearise, refine_until},
     },
 };
 
@@ -114,12 +115,24 @@ pub fn estimate_lens(
     start: &Lens,
     prior: &LensPrior,
 ) -> Option<LensEstimate> {
+    estimate_lens_until(motions, frame, start, prior, &Silent)
+}
+
+/// The same under an observer's eyes; `None` also when it says stop.
+pub(crate) fn estimate_lens_until(
+    motions: &[&[PointMatch]],
+    frame: &Frame,
+    start: &Lens,
+    prior: &LensPrior,
+    observer: &dyn Observer,
+) -> Option<LensEstimate> {
     let information = prior.information();
     let mut lens = *start;
     let mut covariance = Matrix4::zeros();
     for _ in 0..ROUNDS {
         let parts: Vec<Option<(Vector4<f64>, Matrix4<f64>)>> =
-            motions.par_iter().map(|matches| reduced_equations(matches, frame, &lens)).collect();
+            motions.par_iter().map(|matches| reduced_equations(matches, frame, &lens, observer)).collect();
+        observer.go_on().ok()?;
         let (mut gradient, mut normal) = (Vector4::zeros(), Matrix4::zeros());
         for (g, a) in parts.into_iter().flatten() {
             gradient += g;
@@ -146,11 +159,16 @@ pub fn estimate_lens(
 }
 
 /// Gradient and information of θ of one motion, its homography eliminated, in units of its noise.
-fn reduced_equations(matches: &[PointMatch], frame: &Frame, lens: &Lens) -> Option<(Vector4<f64>, Matrix4<f64>)> {
+fn reduced_equations(
+    matches: &[PointMatch],
+    frame: &Frame,
+    lens: &Lens,
+    observer: &dyn Observer,
+) -> Option<(Vector4<f64>, Matrix4<f64>)> {
     let stride = matches.len().div_ceil(ENOUGH).max(1);
     // A point beyond the fold of a lens on the way has no ideal place; it is back when the lens is better.
     let ideal: Vec<PointMatch> = matches.iter().step_by(stride).filter_map(|m| lens.ideal_match(m)).collect();
-    let estimate = refine(&ideal, None, frame, &RefineOptions::default()).ok()?;
+    let estimate = refine_until(&ideal, None, frame, &RefineOptions::default(), observer).ok()?;
     let tangent = sphere_tangent(&rows_of(&estimate.in_frame));
     const STEP: f64 = 1e-4;
     let shifted: Vec<[Lens; 2]> = (0..4)

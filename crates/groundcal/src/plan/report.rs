@@ -4,15 +4,16 @@ use serde::Serialize;
 
 use crate::{
     plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Prediction, carriers::CarrierMotion},
-    result::{Prior, WarningReport},
+    remedy::Wording,
+    result::{Prior, Warning, WarningReport},
 };
 
 /// How far attitudes stray where nothing is said, degrees: what the calibration takes until the motions tell it.
 pub const ATTITUDE_SIGMA_DEG: f64 = 0.1;
+/// Strays with which predictions were held against simulated calibrations.
+const CHECKED_DEG: f64 = 0.1;
 /// Strays up to which predictions were held against simulated calibrations (tests/library/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
-/// Code of the plan's own warning.
-pub const LARGE_STRAYS: &str = "large_strays";
 
 /// A plan, what carries the camera, and what the error bars rest on.
 #[derive(Debug, Clone, Serialize)]
@@ -29,7 +30,7 @@ pub struct PlanReport {
     pub motions: Vec<PlannedMotion>,
     /// What is assumed beforehand and how much of it is left to count in the end.
     pub priors: Vec<Prior>,
-    /// What the calibration is going to warn of, and [`LARGE_STRAYS`].
+    /// What the calibration is going to warn of, and [`Warning::LargeStrays`].
     pub warnings: Vec<WarningReport>,
 }
 
@@ -61,13 +62,13 @@ pub struct Assumed {
 }
 
 impl PlanReport {
-    /// The report of a plan made with these options.
-    pub fn new(rig: CarrierMotion, options: &PlanOptions, plan: Plan) -> Self {
+    /// The report of a plan made with these options, its warnings in the words of a front end.
+    pub fn new(rig: CarrierMotion, options: &PlanOptions, plan: Plan, wording: &dyn Wording) -> Self {
         let k = &options.intrinsics;
         let attitude_sigma_deg = options.calibration.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG);
-        let mut warnings: Vec<WarningReport> = plan.warnings.iter().map(|w| w.report()).collect();
+        let mut warnings = plan.warnings;
         if attitude_sigma_deg > CHECKED_SIGMA_DEG {
-            warnings.push(large_strays(attitude_sigma_deg));
+            warnings.push(Warning::LargeStrays { sigma_deg: attitude_sigma_deg, checked_deg: CHECKED_DEG });
         }
         Self {
             format_version: 1,
@@ -88,19 +89,7 @@ impl PlanReport {
             before: plan.before,
             motions: plan.motions,
             priors: plan.priors,
-            warnings,
+            warnings: WarningReport::all(&warnings, wording),
         }
-    }
-}
-
-fn large_strays(sigma_deg: f64) -> WarningReport {
-    WarningReport {
-        code: LARGE_STRAYS,
-        message: format!(
-            "tilt and roll stray by {} degrees, predictions are checked by simulation for 0.1 degrees. With much more, `calibrate` may \
-             refuse short turns: two attitudes that differ by 1.4 degrees put the axis of a 10 degree turn off by 8. Turn by 30 \
-             degrees or more, make more motions than planned, or steady the camera",
-            (1000.0 * sigma_deg).round() / 1000.0
-        ),
     }
 }

@@ -24,10 +24,11 @@ use crate::{
     error::Error,
     geometry::frame::Frame,
     numerics::{
-        levenberg_marquardt::{LmOptions, LmOutput, StopReason, minimise},
+        levenberg_marquardt::{LmOptions, LmOutput, StopReason, minimise_until},
         linalg::{inverse_spd, symmetric_eigen},
         statistics::{NORMAL_95, VarianceComponent, chi_squared_survival},
     },
+    observer::{Observer, Silent},
 };
 
 pub use crate::numerics::skyline::SkylineCholesky;
@@ -192,6 +193,18 @@ pub fn adjust(
     starts: Vec<State>,
     options: &BundleOptions,
 ) -> Result<Bundle, Error> {
+    adjust_until(scene, frame, tracks, starts, options, &Silent)
+}
+
+/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
+pub(crate) fn adjust_until(
+    scene: SceneModel,
+    frame: &Frame,
+    tracks: &[Track],
+    starts: Vec<State>,
+    options: &BundleOptions,
+    observer: &dyn Observer,
+) -> Result<Bundle, Error> {
     let failed = |detail: &str| Error::Numerical { stage: "joint refinement", detail: detail.into() };
     let first = starts.first().ok_or_else(|| failed("there is no start"))?;
     let group_of_view: Vec<usize> = first.views.iter().map(|v| v.group).collect();
@@ -226,7 +239,8 @@ pub fn adjust(
         (problem.attitude_sigma_rad, problem.height_sigma) = (attitude_sigma.sigma, height_sigma.sigma);
         let mut best: Option<LmOutput<State, Reduced>> = None;
         for state in &mut states {
-            let Some(next) = minimise(&problem, state.clone(), &options.lm) else { continue };
+            let Some(next) = minimise_until(&problem, state.clone(), &options.lm, observer) else { continue };
+            observer.go_on()?;
             iterations += next.iterations;
             *state = next.state.clone();
             if best.as_ref().is_none_or(|b| next.cost < b.cost) {
@@ -280,7 +294,8 @@ pub fn adjust(
             // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
             let student = if degrees_of_freedom > 4.0 { degrees_of_freedom / (degrees_of_freedom - 2.0) } else { 2.0 };
             let unexplained = if options.attitude_sigma_rad.is_some() { disagreement(agreement) } else { 1.0 };
-            let nonlinear = profile_widening(&problem, &out.state, out.cost, &factor, &options.lm);
+            let nonlinear = profile_widening(&problem, &out, &factor, &options.lm, observer);
+            observer.go_on()?;
             let widened = student * unexplained * nonlinear * nonlinear;
             let origin_of = components_of(group_of_view.len(), tracks);
             return Ok(Bundle {
@@ -349,7 +364,13 @@ const PROFILE_FROM: f64 = 0.01;
 
 /// How much wider than its linearised error bar the interval of f is: the cost, minimised over everything else, must have risen
 /// by what belongs to 95 % at the ends (profile likelihood). Only where the bar is wide; 1: the bar holds.
-fn profile_widening(problem: &Problem, state: &State, cost: f64, factor: &SkylineCholesky, lm: &LmOptions) -> f64 {
+fn profile_widening(
+    problem: &Problem,
+    best: &LmOutput<State, Reduced>,
+    factor: &SkylineCholesky,
+    lm: &LmOptions,
+    observer: &dyn Observer,
+) -> f64 {
     const RISE: f64 = 1.92;
     const STIFFNESS: f64 = 1e-8;
     let column = problem.layout.camera[0];
@@ -366,10 +387,10 @@ fn profile_widening(problem: &Problem, state: &State, cost: f64, factor: &Skylin
         held.camera_priors[0] = Some((ln_f, STIFFNESS));
         let mut start = from.clone();
         start.camera[0] = ln_f;
-        let out = minimise(&held, start, lm)?;
+        let out = minimise_until(&held, start, lm, observer)?;
         Some((out.cost + prior_cost(ln_f), out.state))
     };
-    let base = cost;
+    let (state, base) = (&best.state, best.cost);
     let mut widest: f64 = 1.0;
     for side in [-1.0, 1.0] {
         let mut from = state.clone();

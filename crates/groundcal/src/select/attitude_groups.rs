@@ -8,6 +8,7 @@ use nalgebra::{Complex, Matrix4, Vector4};
 
 use crate::{
     geometry::intrinsics::Intrinsics,
+    ids::ImageId,
     numerics::statistics::chi_squared_survival,
     pairs::circular_points::{CircularPoint, MotionGeometry},
     start::absolute_conic::WeightedPoint,
@@ -16,10 +17,10 @@ use crate::{
 /// A pair of views with what its homography says.
 #[derive(Debug, Clone)]
 pub struct Motion {
-    /// Index of the first view.
-    pub from: usize,
-    /// Index of the second view.
-    pub to: usize,
+    /// The first image.
+    pub from: ImageId,
+    /// The second image.
+    pub to: ImageId,
     /// Circular point, angle, ρ.
     pub geometry: MotionGeometry,
     /// Where the matched points lie.
@@ -159,7 +160,7 @@ pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f
 
 /// Sets of motions joined by common images.
 fn connected_by_images(motions: &[Motion]) -> Vec<Vec<usize>> {
-    let mut sets: Vec<(std::collections::BTreeSet<usize>, Vec<usize>)> = Vec::new();
+    let mut sets: Vec<(std::collections::BTreeSet<ImageId>, Vec<usize>)> = Vec::new();
     for (i, m) in motions.iter().enumerate() {
         let (mut images, mut members) = (std::collections::BTreeSet::from([m.from, m.to]), vec![i]);
         sets.retain_mut(|(known, list)| {
@@ -189,7 +190,7 @@ fn join(members: Vec<usize>, weighted: &[WeightedPoint], motions: &[Motion]) -> 
             fused = next;
         }
     }
-    let images: std::collections::BTreeSet<usize> =
+    let images: std::collections::BTreeSet<ImageId> =
         members.iter().flat_map(|&m| [motions[m].from, motions[m].to]).collect();
     let repeated = (members.len() as f64 / (images.len() - 1) as f64).max(1.0);
     let mut disagreement = 1.0;

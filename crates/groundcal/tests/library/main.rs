@@ -11,3 +11,4 @@ mod rotating_camera;
 mod selection;
 mod shared_data;
 mod statistics;
+mod words;

@@ -1,33 +1,23 @@
-//! What `--after` takes from a calibration.
+//! What `--after` takes from a calibration, unless the arguments say it.
 
 use std::path::Path;
 
 use groundcal::{
-    calibrate::{LensModel, Options},
+    calibrate::Options,
     error::Error,
-    numerics::statistics::median,
-    plan::{MIN_MATCHES, PlanOptions, Planner, Start, carriers::CarrierMotion},
-    start::{
-        absolute_conic::Constraint,
-        linear_camera::{GivenPrior, PriorParameter},
-    },
+    plan::{PlanOptions, Planner, Start, after, carriers::CarrierMotion},
+    result::Calibration,
 };
-
-use groundcal_io::import::groundcal_json::{Calibration, Motion, Prior};
+use groundcal_io::import::groundcal_json;
 
 use crate::{
     commands::plan::args::{DEFAULT_NOISE_PX, DEFAULT_POINTS, PlanArgs},
     error::CliError,
 };
 
-/// The names of the covariance's rows, in order.
-const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
-/// Least noise a plan knows, pixels: exact matches are somebody's simulation.
-const LEAST_NOISE_PX: f64 = 1e-3;
-
 /// A calibration to improve.
 pub(crate) struct Known {
-    file: Calibration,
+    calibration: Calibration,
     /// Its covariance.
     pub(crate) covariance: Start,
     name: String,
@@ -35,91 +25,50 @@ pub(crate) struct Known {
 
 /// Reads calibration.json, or that in a folder.
 pub(crate) fn read(path: &Path) -> Result<Known, CliError> {
-    let file = Calibration::read(path)?;
+    let calibration = groundcal_json::read(path)?;
     let name = path.display().to_string();
-    let fail =
-        |what: &str| CliError::Input(format!("{name}: {what}. Calibrate again with this version of the program"));
-    let c = file.covariance.as_ref().ok_or_else(|| fail("there is no covariance to start from"))?;
-    if c.parameters != PARAMETERS || c.matrix.len() != 7 || c.matrix.iter().any(|row| row.len() != 7) {
-        return Err(fail("the covariance is not 7 x 7 of fx, fy, cx, cy, skew, k1, k2"));
+    let covariance = after::start(&calibration).map_err(|e| of_file(&name, e))?;
+    Ok(Known { calibration, covariance, name })
+}
+
+/// What the library says of the file's numbers is said of the file.
+fn of_file(name: &str, error: Error) -> CliError {
+    match error {
+        Error::InvalidInput(text) => CliError::Input(format!("{name}: {text}")),
+        error => error.into(),
     }
-    let covariance = Start::from_fn(|r, s| c.matrix[r][s]);
-    Ok(Known { covariance, name, file })
 }
 
 impl Known {
     /// Height of the camera over the floor in metres, where the calibration knows it.
     pub(crate) fn height_m(&self) -> Option<f64> {
-        self.file.camera_height_m
+        self.calibration.camera_height_m
     }
 
     /// Camera, priors, noise and matches as this calibration has them, unless they are given.
     pub(crate) fn options(&self, args: &PlanArgs, motion: &CarrierMotion) -> Result<PlanOptions, CliError> {
-        let c = &self.file.camera;
-        let named = |n: &String| Constraint::ALL.into_iter().find(|k| k.name() == n.as_str());
-        let constraint = self.file.constraint.as_ref().and_then(named).unwrap_or(Constraint::Auto);
-        let prior = |p: &Prior| {
-            let parameter = PriorParameter::ALL.into_iter().find(|n| n.name() == p.parameter)?;
-            Some(GivenPrior { parameter, mean: p.mean, sigma: p.sigma })
-        };
+        let camera = &self.calibration.camera;
+        let assumed = after::options(&self.calibration);
         let mut options = PlanOptions {
-            intrinsics: c.intrinsics(),
-            distortion: c.lens(),
-            size: c.size(),
+            intrinsics: camera.intrinsics(),
+            distortion: camera.lens(),
+            size: camera.size(),
             rig: motion.rig(),
-            noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(DEFAULT_NOISE_PX),
+            noise_px: args.noise_px.or_else(|| after::noise_px(&self.calibration)).unwrap_or(DEFAULT_NOISE_PX),
             points: DEFAULT_POINTS,
             motions: args.motions.unwrap_or(2) as usize,
             calibration: Options {
-                constraint,
-                lens: LensModel::K1K2,
-                priors: self.file.priors.iter().filter_map(prior).collect(),
-                attitude_sigma_deg: args.attitude_sigma_deg.or(self.file.attitude_sigma_deg),
-                height_sigma: args.height_sigma.or(self.file.height_sigma),
-                ..Options::default()
+                attitude_sigma_deg: args.attitude_sigma_deg.or(assumed.attitude_sigma_deg),
+                height_sigma: args.height_sigma.or(assumed.height_sigma),
+                ..assumed
             },
         };
-        options.points = match args.points {
-            Some(points) => f64::from(points),
-            None => self
-                .points(&Planner::new(&options, Some(&self.covariance)).map_err(|e| self.named(e))?)
-                .unwrap_or(DEFAULT_POINTS),
-        };
-        Ok(options)
-    }
-
-    /// What the library says of the file's numbers is said of the file.
-    fn named(&self, error: Error) -> CliError {
-        match error {
-            Error::InvalidInput(text) => CliError::Input(format!("{}: {text}", self.name)),
-            error => error.into(),
+        if let Some(points) = args.points {
+            options.points = f64::from(points);
+        } else {
+            let planner = Planner::new(&options, Some(&self.covariance)).map_err(|e| of_file(&self.name, e))?;
+            options.points = after::points(&self.calibration, &planner).unwrap_or(DEFAULT_POINTS);
         }
-    }
-
-    /// Noise of a coordinate: the residuals of the motions used, two coordinates of four being left over by the point, and what the
-    /// refinement found them to be too small by.
-    fn noise_px(&self) -> Option<f64> {
-        let mut rms: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
-        let refinement = self.file.fit.as_ref().and_then(|f| f.refinement.as_ref());
-        let factor = refinement.and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
-        let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
-        (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(LEAST_NOISE_PX))
-    }
-
-    /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
-    fn points(&self, planner: &Planner) -> Option<f64> {
-        let of = |m: &Motion| {
-            let attitude = self.file.attitudes.get(m.attitude?)?;
-            let spec = planner.motion(
-                attitude.pitch_down_deg.to_radians(),
-                attitude.roll_deg.to_radians(),
-                m.rotation_deg?.to_radians(),
-            );
-            let fraction = planner.shared_fraction(&spec);
-            // Of a sliver that the rig's axis leaves in view nothing follows.
-            (fraction > 0.05).then_some(m.matches? / fraction)
-        };
-        let mut all: Vec<f64> = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
-        (!all.is_empty()).then(|| median(&mut all).clamp(MIN_MATCHES, 1e6))
+        Ok(options)
     }
 }

@@ -18,7 +18,7 @@ use groundcal::{
 use groundcal_io::export::write_whole;
 use groundcal_report::{number::short, plan, terminal};
 
-use crate::{args::DistortionArg, error::CliError, output};
+use crate::{args::DistortionArg, error::CliError, output, remedies::Flags};
 use args::{DEFAULT_NOISE_PX, DEFAULT_POINTS};
 
 pub(crate) use args::PlanArgs;
@@ -59,7 +59,7 @@ fn report(args: &PlanArgs) -> Result<PlanReport, CliError> {
         None => fresh(args, carrier, &motion)?,
     };
     let plan = Planner::new(&options, known.as_ref().map(|k| &k.covariance))?.plan()?;
-    Ok(PlanReport::new(motion, &options, plan))
+    Ok(PlanReport::new(motion, &options, plan, &Flags))
 }
 
 /// How the carrier moves: as usual, but for what the arguments say.

@@ -1,6 +1,6 @@
 //! Plain tables: views, pairs, covariance.
 
-use groundcal::result::Calibration;
+use groundcal::result::{Calibration, Parameter};
 
 use crate::{
     html::markup::{NONE, fixed, table, with_sigma},
@@ -27,9 +27,9 @@ fn views(c: &Calibration) -> String {
         .map(|v| {
             let coordinate =
                 |i: usize| v.position.map_or(NONE.into(), |p| with_sigma(p[i], v.position_sigma.map(|s| s[i])));
-            let number = c.evidence.images.iter().position(|n| *n == v.image).map_or(0, |i| i + 1);
+            let number = c.evidence.images.iter().position(|n| *n == v.image);
             vec![
-                number.to_string(),
+                number.map_or_else(|| NONE.into(), |i| (i + 1).to_string()),
                 v.image.clone(),
                 v.origin.clone(),
                 with_sigma(v.yaw_deg, Some(v.yaw_sigma_deg)),
@@ -92,14 +92,13 @@ fn pairs(c: &Calibration) -> String {
 }
 
 fn covariance(c: &Calibration) -> String {
-    let names = c.covariance.parameters;
-    let free: Vec<usize> = (0..names.len()).filter(|&i| c.covariance.matrix[i][i] > 0.0).collect();
-    let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|&i| names[i])).collect();
+    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| c.covariance(*p, *p) > 0.0).collect();
+    let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|p| p.name())).collect();
     let rows: Vec<Vec<String>> = free
         .iter()
-        .map(|&r| {
-            let values = free.iter().map(|&k| typeset(&format!("{:.3e}", c.covariance.matrix[r][k])));
-            [names[r].to_string()].into_iter().chain(values).collect()
+        .map(|r| {
+            let values = free.iter().map(|k| typeset(&format!("{:.3e}", c.covariance(*r, *k))));
+            [r.to_string()].into_iter().chain(values).collect()
         })
         .collect();
     table("Covariance of the camera's numbers (pixels squared; k1, k2 without unit)", &heads, &rows)
