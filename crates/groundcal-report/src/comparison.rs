@@ -237,17 +237,16 @@ fn tail(file: &str) -> String {
 #[cfg(test)]
 mod tests {
     use groundcal::geometry::{
-        camera_difference::camera_difference, camera_model::CameraModel, distortion::Distortion, intrinsics::Intrinsics,
+        camera::Camera, camera_difference::camera_difference, intrinsics::Intrinsics, lens::Lens,
     };
 
     use super::*;
 
     fn moved() -> CameraDifference {
-        let a = CameraModel {
+        let a = Camera {
             size: ImageSize::new(800, 600),
             intrinsics: Intrinsics::square(700.0, 400.0, 300.0),
-            distortion: Distortion::default(),
-            k3: 0.0,
+            lens: Lens::None,
         };
         let mut b = a;
         b.intrinsics.cx += 4.0;

@@ -171,7 +171,7 @@ fn deviations(report: &PlanReport, width: usize) -> String {
         .into_iter()
         .fold(Table::new().name("motions").number("f\n%"), Table::number);
     let mut row = |name: String, p: Option<&Prediction>| {
-        let Some(p) = p else { return table.row([name, "-".into()]) };
+        let Some(p) = p else { return table.row([name, "not determined yet".into()]) };
         let s = &p.standard_deviation;
         let numbers = [s.fx, s.fy, s.cx, s.cy, s.k1, s.k2].map(|v| v.map_or("held".into(), short));
         let shares = [p.share.principal_point, p.share.lens, p.share.aspect];
@@ -190,7 +190,7 @@ fn deviations(report: &PlanReport, width: usize) -> String {
 
 /// What is assumed beforehand, and whether the motions tell it too.
 fn priors(report: &PlanReport) -> Table {
-    let mut table = Table::new().name("assumed").number("mean").number("std. dev.").note("");
+    let mut table = Table::new().name("assumed").number("mean").number("std. dev.").name("");
     for p in &report.priors {
         let held = if p.posterior_over_prior > 0.7 {
             "held by this; the motions do not tell it".to_string()
@@ -205,7 +205,6 @@ fn priors(report: &PlanReport) -> Table {
 
 fn warnings(report: &PlanReport, width: usize) -> String {
     let one = |w: &WarningReport| {
-        // That one is about the plan, the others are about the calibration to be expected of it.
         let expected = if matches!(w.warning, Warning::LargeStrays { .. }) { "" } else { "expect " };
         format!("\n{}\n", wrapped(&format!("{expected}warning [{}]: {}", w.warning.code(), w.message), 0, width))
     };

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use groundcal::{
     geometry::{
+        camera,
         camera_difference::{camera_difference, significance},
-        camera_model::CameraModel,
+        lens::{Lens, Radtan},
         size::ImageSize,
     },
     result::{Covariance, Parameter},
@@ -54,7 +55,7 @@ pub(crate) struct CompareArgs {
 
 /// A file's camera with a size that is known.
 struct Camera {
-    model: CameraModel,
+    model: camera::Camera,
     covariance: Option<Covariance<Parameter>>,
 }
 
@@ -84,11 +85,13 @@ fn compared(args: &CompareArgs) -> Result<(String, Vec<String>), CliError> {
         ))
     })?;
     let with_size = |camera: &ImportedCamera| Camera {
-        model: CameraModel {
+        model: camera::Camera {
             size: camera.size.unwrap_or(known),
             intrinsics: camera.intrinsics,
-            distortion: camera.distortion,
-            k3: camera.k3,
+            lens: Lens::Radtan(Radtan::new({
+                let d = &camera.distortion;
+                [d.k1, d.k2, d.p1, d.p2, camera.k3]
+            })),
         },
         covariance: camera.covariance.clone(),
     };
@@ -173,19 +176,19 @@ fn scaled(camera: Camera, size: ImageSize) -> Result<(Camera, Option<[usize; 2]>
 }
 
 /// Ten numbers in the order of [`Parameter::ALL`], then p1, p2, k3.
-fn numbers(camera: &CameraModel) -> [(&'static str, &'static str, f64); 10] {
-    let (k, d) = (&camera.intrinsics, &camera.distortion);
+fn numbers(camera: &camera::Camera) -> [(&'static str, &'static str, f64); 10] {
+    let (k, lens) = (&camera.intrinsics, |name: &str| camera.lens.parameter(name).unwrap_or(0.0));
     [
         ("fx", "px", k.fx),
         ("fy", "px", k.fy),
         ("cx", "px", k.cx),
         ("cy", "px", k.cy),
         ("skew", "px", k.skew),
-        ("k1", "1", d.k1),
-        ("k2", "1", d.k2),
-        ("p1", "1", d.p1),
-        ("p2", "1", d.p2),
-        ("k3", "1", camera.k3),
+        ("k1", "1", lens("k1")),
+        ("k2", "1", lens("k2")),
+        ("p1", "1", lens("p1")),
+        ("p2", "1", lens("p2")),
+        ("k3", "1", lens("k3")),
     ]
 }
 
@@ -237,16 +240,15 @@ fn joint(a: &Camera, b: &Camera) -> Option<Joint> {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
+    use groundcal::geometry::intrinsics::Intrinsics;
 
     use super::*;
 
     fn camera(width: usize, height: usize) -> Camera {
-        let model = CameraModel {
+        let model = camera::Camera {
             size: ImageSize::new(width, height),
             intrinsics: Intrinsics::square(700.0, 400.0, 300.0),
-            distortion: Distortion::default(),
-            k3: 0.0,
+            lens: Lens::None,
         };
         let covariance = Covariance::from_fn(&[Parameter::Fx, Parameter::Fy], |i, j| [[4.0, 0.0], [0.0, 9.0]][i][j]);
         Camera { model, covariance: Some(covariance) }

@@ -5,6 +5,7 @@ use std::{fmt::Write, path::PathBuf};
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::undistort::{Fit, Undistortion},
+    geometry,
     vision::resample::{Pyramid, resample},
 };
 use groundcal_io::{
@@ -94,7 +95,8 @@ pub(crate) fn run(args: &UndistortArgs) -> Result<(), CliError> {
 fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
     let calibration = groundcal_json::read(&args.calibration)?;
     let (k, lens, size) = (calibration.camera.intrinsics(), calibration.camera.lens(), calibration.camera.size());
-    let undistortion = Undistortion::new(&k, &lens, size, args.fit.into())?;
+    let undistortion =
+        Undistortion::new(&geometry::camera::Camera { size, intrinsics: k, lens: lens.into() }, args.fit.into())?;
     let mut notes = Vec::new();
     if lens.is_none() {
         notes.push(format!(

@@ -1,6 +1,5 @@
-use groundcal::result::Parameter;
-
 use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize};
+use groundcal::result::Parameter;
 
 use crate::import::{ImportedCamera, formats::parse, read_camera};
 

@@ -81,7 +81,7 @@ fn floor_of(
         yaw_rad: 0.0,
         centre: Vector3::new(0.0, 0.0, 1.0),
     };
-    let exact = FloorView::new(&setup.truth, &setup.scene.camera.distortion(), &pose)?;
+    let exact = FloorView::new(&setup.truth, setup.scene.camera.lens(), &pose)?;
 
     let source = Pyramid::new(colour_picture(rendered)?);
     let flat = rectify(setup, &source, &found)?;

@@ -10,10 +10,10 @@ use crate::{
 
 /// How far attitudes stray where nothing is said, degrees: what the calibration takes until the motions tell it.
 pub const ATTITUDE_SIGMA_DEG: f64 = 0.1;
-/// Strays with which predictions were held against simulated calibrations.
-const CHECKED_DEG: f64 = 0.1;
 /// Strays up to which predictions were held against simulated calibrations (tests/library/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
+/// Strays that those simulations had, degrees.
+const SIMULATED_SIGMA_DEG: f64 = 0.1;
 
 /// A plan, what carries the camera, and what the error bars rest on.
 #[derive(Debug, Clone, Serialize)]
@@ -68,7 +68,7 @@ impl PlanReport {
         let attitude_sigma_deg = options.calibration.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG);
         let mut warnings = plan.warnings;
         if attitude_sigma_deg > CHECKED_SIGMA_DEG {
-            warnings.push(Warning::LargeStrays { sigma_deg: attitude_sigma_deg, checked_deg: CHECKED_DEG });
+            warnings.push(Warning::LargeStrays { sigma_deg: attitude_sigma_deg, checked_deg: SIMULATED_SIGMA_DEG });
         }
         Self {
             format_version: 1,
