@@ -177,18 +177,22 @@ fn covariance<P: Copy + PartialEq>(c: &Covariance<P>) -> Result<(), String> {
         return Err("parameters: a name is there twice".into());
     }
     let sigma: Vec<f64> = (0..n).map(|i| c.matrix[i][i].max(0.0).sqrt()).collect();
+    let unequal = |i: usize, j: usize| {
+        let (a, b) = (c.matrix[i][j], c.matrix[j][i]);
+        (a - b).abs() > ROUNDING * (sigma[i] * sigma[j]).max(a.abs()).max(b.abs())
+    };
+    if (0..n).any(|i| (0..i).any(|j| unequal(i, j))) {
+        return Err("matrix is not symmetric".into());
+    }
     let correlation = nalgebra::DMatrix::from_fn(n, n, |i, j| match sigma[i] * sigma[j] {
         scale if scale > 0.0 => c.matrix[i][j] / scale,
         _ if c.matrix[i][j] == 0.0 => 0.0,
         // A variance of zero or less with something beside it.
         _ => f64::INFINITY,
     });
-    let symmetric = (0..n).all(|i| (0..i).all(|j| (correlation[(i, j)] - correlation[(j, i)]).abs() <= ROUNDING));
-    if !symmetric {
-        return Err("matrix is not symmetric".into());
-    }
+    // The eigenvalues of nothing are not to be had.
     let possible = correlation.iter().all(|r| r.abs() <= 1.0 + ROUNDING)
-        && correlation.symmetric_eigenvalues().iter().all(|e| *e >= -ROUNDING * n as f64);
+        && (n == 0 || correlation.symmetric_eigenvalues().iter().all(|e| *e >= -ROUNDING * n as f64));
     if possible { Ok(()) } else { Err("matrix is no covariance: it has a negative variance".into()) }
 }
 
