@@ -9,6 +9,9 @@ use crate::lies::{
     record::{LIE_SIGMAS, SceneRecord, Verdict, WRONG_SIGMAS},
 };
 
+/// Design effect that residuals without a pattern do not reach.
+const PATTERNED: f64 = 2.6;
+
 /// Counts over records.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Totals {
@@ -143,15 +146,17 @@ fn summary(records: &[SceneRecord]) -> String {
         out += &format!("{code:<34} {right:>14} {near:>11} {lies:>6}\n");
     }
     let silent = records.iter().filter(|r| r.verdict == Verdict::Lied && r.warnings.is_empty()).count();
-    let unconverged = |lied: bool| {
-        let which =
-            |r: &&SceneRecord| r.is_answer() && r.converged == Some(false) && (r.verdict == Verdict::Lied) == lied;
-        records.iter().filter(which).count()
+    let among = |lied: bool, which: &dyn Fn(&SceneRecord) -> bool| {
+        records.iter().filter(|r| r.is_answer() && which(r) && (r.verdict == Verdict::Lied) == lied).count()
     };
-    out += &format!(
-        "{silent} lies without any warning; refinement not converged in {} right answers and {} lies\n",
-        unconverged(false),
-        unconverged(true)
-    );
+    let unconverged = |r: &SceneRecord| r.converged == Some(false);
+    let patterned = |r: &SceneRecord| r.design_effect.is_some_and(|d| d > PATTERNED);
+    out += &format!("{silent} lies without any warning\n");
+    for (what, which) in [
+        ("refinement not converged", &unconverged as &dyn Fn(&SceneRecord) -> bool),
+        ("design effect above 2.6", &patterned),
+    ] {
+        out += &format!("{what:<34} {:>14} {:>18}\n", among(false, which), among(true, which));
+    }
     out
 }
