@@ -16,7 +16,7 @@
 //! | [`bundle`] | joint refinement of camera, lens, attitudes, views and points; covariance |
 //! | [`subsets`] | cameras of all minimal sets of motions, ranked |
 //! | [`transfer`] | one motion's circular points carried into other views |
-//! | [`camera_model`], [`camera_difference`] | a camera with any lens others describe; how far two differ, in pixels |
+//! | [`geometry::lens`], [`geometry::camera`], [`geometry::camera_difference`] | lens models on rays; the camera; how far two differ, in pixels |
 //! | [`rotating`] | the other method: camera matrix from rotations about the optical centre |
 //! | [`mod@calibrate`], [`result`], [`evidence`] | the front door; the result value, its warnings and what it was made from |
 //! | [`floor`], [`resample`], [`rectify`](mod@rectify) | pixels and points of the floor, with the lens; pictures through such maps; bird's-eye views |

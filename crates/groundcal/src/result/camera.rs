@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{
+    camera,
     distortion::Distortion,
     intrinsics::Intrinsics,
     parameters::{Parameter, PriorParameter},
@@ -124,6 +125,11 @@ impl Camera {
     pub fn lens(&self) -> Distortion {
         let d = &self.distortion;
         Distortion { k1: d.k1, k2: d.k2, p1: d.p1, p2: d.p2 }
+    }
+
+    /// Size, camera matrix and lens.
+    pub fn model(&self) -> camera::Camera {
+        camera::Camera { size: self.size(), intrinsics: self.intrinsics(), lens: self.lens().into() }
     }
 
     /// Width and height.
