@@ -1,5 +1,5 @@
 //! Error bars against truth, on rendered sets of pictures drawn at random:
-//! `cargo bench --bench rendered_sets [-- --sets N --only I --seed S --keep DIR]`.
+//! `cargo bench -p groundcal-lab --bench rendered_sets [-- --sets N --only I --seed S --keep DIR]`.
 //!
 //! Each set has a floor, a camera, a lens, attitudes, motions, a sensor and a file format of its own, all drawn from a
 //! seed. It is calibrated with default options, and under zero skew too where three attitudes or more differ in roll; one
@@ -487,7 +487,7 @@ fn main() -> ExitCode {
     let arguments = match arguments() {
         Ok(Some(arguments)) => arguments,
         Ok(None) => {
-            println!("too long for a test: cargo bench --bench rendered_sets");
+            println!("too long for a test: cargo bench -p groundcal-lab --bench rendered_sets");
             return ExitCode::SUCCESS;
         }
         Err(message) => {
