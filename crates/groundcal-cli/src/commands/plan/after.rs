@@ -5,6 +5,7 @@ use std::path::Path;
 use groundcal::{
     calibrate::{LensModel, Options},
     error::Error,
+    geometry::distortion::Distortion,
     numerics::statistics::median,
     plan::{MIN_MATCHES, PlanOptions, Planner, Start, carriers::CarrierMotion},
     result::{Calibration, MotionReport, Parameter},
@@ -57,7 +58,7 @@ impl Known {
         let priors = self.file.priors.iter();
         let mut options = PlanOptions {
             intrinsics: c.intrinsics(),
-            distortion: c.lens(),
+            distortion: Distortion::try_from(&c.lens())?,
             size: c.size(),
             rig: motion.rig(),
             noise_px: args.noise_px.or_else(|| self.noise_px()).unwrap_or(DEFAULT_NOISE_PX),
