@@ -5,6 +5,7 @@
 pub mod division;
 pub mod error;
 pub mod experiments;
+pub mod lies;
 pub mod progress;
 pub mod render_scene;
 pub mod renderer;

@@ -40,7 +40,7 @@ pub fn camera_json(undistorted: &Intrinsics, fit: Fit, original: &Camera) -> Res
             Fit::Same => "same",
             Fit::All => "all",
             Fit::Crop => "crop",
-            Fit::FieldOfView { .. } => "fov",
+            Fit::FieldOfView { .. } => "field_of_view",
         },
         distorted_camera: original,
     };
