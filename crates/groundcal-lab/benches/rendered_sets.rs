@@ -14,7 +14,7 @@ use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
     geometry::{attitude::up_in_camera, size::ImageSize},
     numerics::statistics::median,
-    result::Calibration,
+    result::{Calibration, Parameter},
     start::absolute_conic::Constraint,
     vision::image::GrayImage,
 };
@@ -397,7 +397,7 @@ fn judge(scene: &Scene, result: &Calibration, label: &str, seconds: f64, in_deta
     let (c, sd) = (&result.camera, &result.standard_deviation);
     let truth = scene.camera.intrinsics();
     let zs = [z(c.fx, truth.fx, sd.fx), z(c.fy, truth.fy, sd.fy), z(c.cx, truth.cx, sd.cx), z(c.cy, truth.cy, sd.cy)];
-    let k1_z = z(c.distortion.k1, scene.camera.k1, sd.k1);
+    let k1_z = z(c.value(Parameter::K1), scene.camera.k1, sd.k1);
     let group_of = |name: &str| scene.views().find(|(_, v)| v.file == name).map(|(g, _)| g);
     let is_false = |from: &str, to: &str| group_of(from) != group_of(to);
     let used = || result.motions.iter().filter(|m| m.used);
@@ -439,8 +439,8 @@ fn detail(scene: &Scene, result: &Calibration, group_of: &dyn Fn(&str) -> Option
         ("fy", c.fy, truth.fy, sd.fy),
         ("cx", c.cx, truth.cx, sd.cx),
         ("cy", c.cy, truth.cy, sd.cy),
-        ("k1", c.distortion.k1, scene.camera.k1, sd.k1),
-        ("k2", c.distortion.k2, scene.camera.k2, sd.k2),
+        ("k1", c.value(Parameter::K1), scene.camera.k1, sd.k1),
+        ("k2", c.value(Parameter::K2), scene.camera.k2, sd.k2),
     ] {
         println!("    {name} {found:.4} +- {}, truth {truth:.4}", sigma(s));
     }

@@ -356,9 +356,7 @@ impl Work<'_> {
             origin: set.first().and_then(|f| f.placed.origin.as_deref()),
             max_distance: self.layout.max_distance,
             camera_height_m: self.camera_height_m,
-            size: self.layout.size,
-            intrinsics: camera.intrinsics(),
-            distortion: camera.lens(),
+            camera: camera.model(),
         };
         let beside = |extension: &str| self.args.out.join(format!("{name}.{extension}"));
         write_whole(&beside("json"), picture.json()?.as_bytes())?;

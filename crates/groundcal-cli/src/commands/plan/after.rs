@@ -5,6 +5,7 @@ use std::path::Path;
 use groundcal::{
     calibrate::Options,
     error::Error,
+    geometry::distortion::Distortion,
     plan::{PlanOptions, Planner, Start, after, carriers::CarrierMotion},
     result::Calibration,
 };
@@ -51,7 +52,7 @@ impl Known {
         let assumed = after::options(&self.calibration);
         let mut options = PlanOptions {
             intrinsics: camera.intrinsics(),
-            distortion: camera.lens(),
+            distortion: Distortion::try_from(&camera.lens())?,
             size: camera.size(),
             rig: motion.rig(),
             noise_px: args.noise_px.or_else(|| after::noise_px(&self.calibration)).unwrap_or(DEFAULT_NOISE_PX),
