@@ -12,7 +12,7 @@ use groundcal::{
         intrinsics::Intrinsics,
         size::ImageSize,
     },
-    numerics::levenberg_marquardt::LmOptions,
+    numerics::levenberg_marquardt::{Descent, LmOptions},
     pairs::correspondence::ImagePair,
     refine::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
     result::Calibration,
@@ -213,7 +213,12 @@ const EXACT: BundleOptions = BundleOptions {
     height_sigma: Some(0.0),
     huber: 1e6,
     image_half_sides: [1.15, 0.86],
-    lm: LmOptions { max_iterations: 60, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 },
+    lm: LmOptions {
+        descent: Descent::Damped,
+        max_iterations: 60,
+        relative_cost_tolerance: 1e-12,
+        step_tolerance: 1e-14,
+    },
 };
 
 #[test]

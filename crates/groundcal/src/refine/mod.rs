@@ -73,7 +73,12 @@ impl Default for BundleOptions {
             height_sigma: None,
             huber: 3.0,
             image_half_sides: [1.0; 2],
-            lm: LmOptions { max_iterations: 60, relative_cost_tolerance: 1e-7, step_tolerance: 1e-13 },
+            lm: LmOptions {
+                max_iterations: 60,
+                relative_cost_tolerance: 1e-7,
+                step_tolerance: 1e-13,
+                ..LmOptions::default()
+            },
         }
     }
 }
