@@ -1,6 +1,6 @@
 //! From the linear camera to the joint refinement of everything (see [`crate::refine`]), and back to what is reported.
 
-use nalgebra::{Matrix2, Matrix3, SMatrix, Vector2};
+use nalgebra::{Matrix3, SMatrix, Vector2};
 
 use crate::calibrate::{
     LensModel, Options, Pipeline,
@@ -23,18 +23,16 @@ use crate::{
         robust::RobustHomography,
     },
     refine::{
-        Bundle, BundleOptions, CAMERA, CameraVector, GroupEstimate, Kind, Observation, SceneModel, State, Track,
-        ViewEstimate, adjust, disagreement,
-        model::pixels_by_camera,
+        Bundle, BundleOptions, CAMERA, CameraState, CameraUnknowns, GroupEstimate, Kind, Observation, SceneModel,
+        State, Track, VIEW_NUMBERS, ViewEstimate, adjust,
+        bundle::pixels_by_camera,
+        disagreement,
         start::{Link, floor_deviation, state_from_links},
         tracks::join_matches,
     },
     result::{FloorHomography, Refinement, ResidualReport, ViewReport},
     select::attitude_groups::{AttitudeGroup, Sides},
-    start::{
-        absolute_conic::intrinsics_of,
-        linear_camera::{CameraOptions, CameraSolution, PriorParameter, PriorUse, parameters_in_frame},
-    },
+    start::linear_camera::{CameraOptions, CameraSolution, PriorParameter, PriorUse},
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
@@ -93,16 +91,16 @@ pub(super) struct Joint {
 }
 
 impl Joint {
-    fn new(bundle: Bundle, tracks: Vec<Track>, images: Vec<usize>, tangential: [f64; 2], frame: &Frame) -> Self {
-        let c = &bundle.state.camera;
-        let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&c.fixed_rows::<5>(0).into()));
+    fn new(bundle: Bundle, tracks: Vec<Track>, images: Vec<usize>, frame: &Frame) -> Self {
+        let camera = &bundle.cameras[0];
+        let mut intrinsics = frame.intrinsics_to_pixel(&camera.state.intrinsics_in_frame());
         intrinsics.skew += 0.0;
         let jacobian = pixels_by_camera(&intrinsics, frame);
-        let [p1, p2] = tangential;
+        let (distortion, covariance) = (camera.state.lens, camera.fixed_covariance());
         Self {
             intrinsics,
-            distortion: Distortion { k1: c[5], k2: c[6], p1, p2 },
-            covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
+            distortion,
+            covariance_px: jacobian * covariance * jacobian.transpose(),
             by_camera: jacobian,
             images,
             ties: Vec::new(),
@@ -122,14 +120,17 @@ impl Joint {
 
     /// The best known of the groups that have an attitude of the solution.
     pub(super) fn group_with(&self, attitude: usize) -> Option<&GroupEstimate> {
-        let tilt = |g: &GroupEstimate| g.covariance.fixed_view::<2, 2>(CAMERA, CAMERA).trace();
+        let tilt = |g: &GroupEstimate| {
+            let c = g.covariance.rest();
+            c[(0, 0)] + c[(1, 1)]
+        };
         let members = self.attitude_of_group.iter().zip(&self.bundle.groups).filter(|(a, _)| **a == attitude);
         members.map(|(_, g)| g).min_by(|a, b| tilt(a).total_cmp(&tilt(b)))
     }
 
     /// Covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units.
     pub(super) fn camera_covariance(&self) -> SMatrix<f64, 5, 5> {
-        self.bundle.covariance.fixed_view::<5, 5>(0, 0).into_owned()
+        self.bundle.cameras[0].covariance.fixed_view::<5, 5>(0, 0).into_owned()
     }
 
     fn residuals(&self, kind: Kind) -> Option<ResidualReport> {
@@ -159,7 +160,7 @@ impl Joint {
 
     /// How much of the variance of ln fx comes from the lens.
     pub(super) fn share_of_lens(&self) -> f64 {
-        let c = &self.bundle.covariance;
+        let c = self.bundle.cameras[0].fixed_covariance();
         let free: Vec<usize> = (5..CAMERA).filter(|&i| c[(i, i)] > 0.0).collect();
         let lens = nalgebra::DMatrix::from_fn(free.len(), free.len(), |r, s| c[(free[r], free[s])]);
         let cross = nalgebra::DVector::from_fn(free.len(), |r, _| c[(free[r], 0)]);
@@ -172,20 +173,22 @@ impl Joint {
     /// The linear solution with the refined numbers in their places.
     pub(super) fn solution(&self, linear: CameraSolution, options: &BundleOptions) -> CameraSolution {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
-        let ratio = |i: usize, sigma: f64| self.bundle.covariance[(i, i)].max(0.0).sqrt() / sigma;
+        let covariance = self.bundle.cameras[0].fixed_covariance();
+        let ratio = |i: usize, sigma: f64| covariance[(i, i)].max(0.0).sqrt() / sigma;
+        let unknowns = &options.cameras[0];
         let of_camera = linear.priors.into_iter().map(|p| {
             let index = PriorParameter::ALL.iter().position(|n| n.name() == p.parameter);
-            let known = index.and_then(|i| Some(ratio(i, options.priors[i]?.1)));
+            let known = index.and_then(|i| Some(ratio(i, unknowns.prior(i)?.1)));
             PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), ..p }
         });
         let of_lens = (5..CAMERA).filter_map(|i| {
-            let (mean, sigma) = options.priors[i]?;
+            let (mean, sigma) = unknowns.prior(i)?;
             let parameter = PriorParameter::ALL[i].name();
             Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma) })
         });
         let priors = of_camera.chain(of_lens).collect();
         let mut estimated = linear.estimated;
-        estimated[4] = options.free[4];
+        estimated[4] = unknowns.is_free(4);
         CameraSolution {
             intrinsics: self.intrinsics,
             covariance_px: self.covariance_px.fixed_view::<5, 5>(0, 0).into_owned(),
@@ -264,7 +267,7 @@ impl Pipeline<'_> {
         let attitudes: Vec<Matrix3<f64>> = joint.bundle.state.groups.iter().map(|g| g.attitude).collect();
         let start = state_from_links(
             scene,
-            joint.bundle.state.camera,
+            joint.bundle.state.cameras[0],
             &joint.intrinsics,
             &attitudes,
             &group_of_view,
@@ -295,7 +298,7 @@ impl Pipeline<'_> {
     ) -> (Vec<usize>, SharedFloors) {
         let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
         let view = |image: usize| joint.images.binary_search(&image).ok();
-        let group = |v: usize| joint.bundle.state.views[v].group;
+        let group = |v: usize| joint.bundle.state.frames[v].group;
         let attitude = |v: usize| &joint.bundle.state.groups[group(v)].attitude;
         let candidates: Vec<(usize, usize, f64)> = (0..pairs.len())
             .filter(|i| !used.contains(i))
@@ -333,7 +336,7 @@ impl Pipeline<'_> {
                 detail: "the homographies of the motions fit no camera".into(),
             });
         }
-        let bundle = adjust(scene, &self.frame(), &setup.tracks, starts, options)?;
+        let bundle = adjust(scene, &setup.tracks, starts, options)?;
         let [patches, points] = bundle.variance_factors;
         if scene == SceneModel::Directions && patches.max(points) > MAX_ROTATION_VARIANCE {
             return Err(Error::NoUsableMotion {
@@ -348,11 +351,11 @@ impl Pipeline<'_> {
                     .into(),
             });
         }
-        Ok(Joint::new(bundle, setup.tracks, images, options.tangential, &self.frame()))
+        Ok(Joint::new(bundle, setup.tracks, images, &self.frame()))
     }
 
     /// Camera matrix and lens as the refinement starts from them.
-    pub(super) fn camera_vector(&self, k: &Intrinsics, known: &KnownLens) -> CameraVector {
+    pub(super) fn camera_vector(&self, k: &Intrinsics, known: &KnownLens) -> CameraState {
         let lens = match known {
             KnownLens::NotModelled => Distortion::default(),
             KnownLens::Given(lens) => lens.distortion,
@@ -360,11 +363,8 @@ impl Pipeline<'_> {
                 finding.lens().map_or(Distortion::default(), |l| l.with_focal_length(k.fx).distortion)
             }
         };
-        let mut camera = CameraVector::zeros();
-        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(k, &self.frame()));
         let held = matches!(known, KnownLens::Estimated(_)) && self.options.lens == LensModel::K1;
-        (camera[5], camera[6]) = (lens.k1, if held { 0.0 } else { lens.k2 });
-        camera
+        CameraState::new(k, &Distortion { k2: if held { 0.0 } else { lens.k2 }, ..lens }, &self.frame())
     }
 
     /// Attitudes of the groups as their circular points say under a camera matrix.
@@ -443,11 +443,8 @@ impl Pipeline<'_> {
                 for k in self.near_plane(&pairs[*i], robust, known) {
                     let m = &pairs[*i].matches[k];
                     let variance = (noise * m.sigma_px * m.sigma_px).max(LEAST_NOISE_PX.powi(2));
-                    let observation = |image: usize, pixel: Vector2<f64>| Observation {
-                        view: view(image),
-                        pixel,
-                        information: Matrix2::from_diagonal_element(1.0 / variance),
-                    };
+                    let observation =
+                        |image: usize, pixel: Vector2<f64>| Observation::new(view(image), pixel, variance.sqrt());
                     matches.push([observation(pairs[*i].from, m.a), observation(pairs[*i].to, m.b)]);
                 }
             }
@@ -513,24 +510,22 @@ impl Options {
         let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);
         let lens_prior =
             |free: bool, parameter, sigma: f64| free.then(|| self.given_prior(parameter).unwrap_or((0.0, sigma)));
-        BundleOptions {
-            free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some(), k1, k2],
-            priors: [
-                priors[0],
-                priors[1],
-                priors[2],
-                priors[3],
-                priors[4],
+        let image_half_sides = [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px);
+        let unknowns = CameraUnknowns {
+            matrix_free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some()],
+            matrix_priors: priors,
+            lens_free: vec![k1, k2],
+            lens_priors: vec![
                 lens_prior(k1, PriorParameter::K1, K1_SIGMA),
                 lens_prior(k2, PriorParameter::K2, K2_SIGMA),
             ],
-            // Those of an estimated lens are zero.
-            tangential: [self.distortion.p1, self.distortion.p2],
+            ..CameraUnknowns::new(*frame, image_half_sides)
+        };
+        BundleOptions {
             attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
             attitude_scale_rad: camera.attitude_sigma_rad,
             height_sigma: self.height_sigma,
-            image_half_sides: [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px),
-            ..BundleOptions::default()
+            ..BundleOptions::new(vec![unknowns])
         }
     }
 }
@@ -556,14 +551,14 @@ impl Pipeline<'_> {
         let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
             let e = estimate.as_ref()?;
             let floor = b.scene == SceneModel::Floor;
-            let covariance = joint.in_pixels(&e.covariance);
+            let covariance = joint.in_pixels::<VIEW_NUMBERS>(&e.covariance.fixed());
             let sigma_deg = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt().to_degrees();
             let [pitch_down_rad, roll_rad] = e.pitch_roll_rad;
             let view = View { pitch_down_rad, roll_rad, yaw_rad: e.yaw_rad, centre: e.centre };
             let over_floor = FloorView::new(&joint.intrinsics, &joint.distortion, &view).ok().filter(|_| floor);
             Some(ViewReport {
                 image: self.names[joint.images[v]].clone(),
-                attitude: joint.attitude_of_group.get(b.state.views[v].group).copied(),
+                attitude: joint.attitude_of_group.get(b.state.frames[v].group).copied(),
                 origin: self.names[joint.images[e.origin]].clone(),
                 yaw_deg: e.yaw_rad.to_degrees(),
                 yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),

@@ -20,7 +20,7 @@ use crate::{
     },
     numerics::statistics::chi_squared_survival,
     pairs::{circular_points::CircularPoint, correspondence::ImagePair, plane_lens::Lens},
-    refine::{CAMERA, GROUP_NUMBERS, SceneModel},
+    refine::{GROUP_NUMBERS, SceneModel},
     result::{
         AttitudeReport, Calibration, Camera, Covariance, DistortionReport, Fit, MotionReport, PrincipalPointDoubt,
         Prior, StandardDeviation, Warning, evidence::Evidence,
@@ -185,10 +185,10 @@ impl Pipeline<'_> {
             .enumerate()
             .map(|(g, (group, attitude))| {
                 let refined = joint.as_ref().and_then(|j| Some((j, j.group_with(g)?)));
-                let sigma = |i: usize| refined.map(|(_, g)| g.covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt());
+                let sigma = |i: usize| refined.map(|(_, g)| g.covariance.rest()[(i, i)].max(0.0).sqrt());
                 let over_floor = refined.filter(|(j, _)| j.bundle.scene == SceneModel::Floor);
                 let horizon_sigma = refined.and_then(|(j, g)| {
-                    attitude.horizon_sigma(&solution.intrinsics, self.size, &j.in_pixels(&g.covariance))
+                    attitude.horizon_sigma(&solution.intrinsics, self.size, &j.in_pixels(&g.covariance.fixed()))
                 });
                 AttitudeReport {
                     pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
@@ -215,7 +215,7 @@ impl Pipeline<'_> {
     fn straying_motions(&self, pairs: &[ImagePair], used: &[usize], joint: &Joint) -> Vec<Warning> {
         let sigma = joint.bundle.attitude_sigma.sigma;
         let delta = |image: usize| {
-            joint.images.binary_search(&image).map_or([0.0; 2], |v| joint.bundle.state.views[v].delta_rad)
+            joint.images.binary_search(&image).map_or([0.0; 2], |v| joint.bundle.state.frames[v].delta_rad)
         };
         let strays = |&i: &usize| {
             let (a, b) = (delta(pairs[i].from), delta(pairs[i].to));
