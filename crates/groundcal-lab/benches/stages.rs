@@ -9,9 +9,9 @@ use nalgebra::{Vector2, Vector3};
 use groundcal::{
     geometry::{
         attitude::{attitude_rotation, yaw_rotation},
-        distortion::Distortion,
         frame::Frame,
         intrinsics::Intrinsics,
+        lens::Lens,
         size::ImageSize,
     },
     pairs::{
@@ -176,7 +176,7 @@ fn drive(views: usize, points_a_view: usize) -> (Vec<Track>, State) {
         })
         .collect();
     let frame = Frame::new(ImageSize::new(1024, 768), None);
-    let camera = CameraState::new(&Intrinsics::square(905.0, 513.0, 381.0), &Distortion::default(), &frame);
+    let camera = CameraState::new(&Intrinsics::square(905.0, 513.0, 381.0), &Lens::radial(0.0, 0.0), &frame);
     (tracks, State::of_one_camera(camera, vec![group], poses))
 }
 
@@ -209,7 +209,7 @@ fn refinement() {
         })
         .collect();
     let frame_of_scene = Frame::new(scene.size, None);
-    let camera = CameraState::new(&Intrinsics::square(1005.0, 640.0, 480.0), &Distortion::default(), &frame_of_scene);
+    let camera = CameraState::new(&Intrinsics::square(1005.0, 640.0, 480.0), &Lens::radial(0.0, 0.0), &frame_of_scene);
     let groups = scene
         .motions
         .iter()

@@ -10,6 +10,7 @@ use groundcal::{
         distortion::Distortion,
         frame::Frame,
         intrinsics::Intrinsics,
+        lens::Lens,
         size::ImageSize,
     },
     numerics::levenberg_marquardt::LmOptions,
@@ -187,7 +188,7 @@ fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
         .flat_map(|p| p.pair.matches.clone().into_iter().map(|m| (p.pair.from, p.pair.to, m)))
         .map(|(a, b, m)| Track { kind: Kind::Point, observations: vec![seen(a, m.a), seen(b, m.b)] })
         .collect();
-    let camera = CameraState::new(&scene.intrinsics, &Distortion::default(), &frame);
+    let camera = CameraState::new(&scene.intrinsics, &Lens::radial(0.0, 0.0), &frame);
     let groups = scene
         .motions
         .iter()

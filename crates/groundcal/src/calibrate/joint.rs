@@ -96,7 +96,9 @@ impl Joint {
         let mut intrinsics = frame.intrinsics_to_pixel(&camera.state.intrinsics_in_frame());
         intrinsics.skew += 0.0;
         let jacobian = pixels_by_camera(&intrinsics, frame);
-        let (distortion, covariance) = (camera.state.lens, camera.fixed_covariance());
+        let covariance = camera.fixed_covariance();
+        let [k1, k2, p1, p2] = ["k1", "k2", "p1", "p2"].map(|name| camera.state.lens.parameter(name).unwrap_or(0.0));
+        let distortion = Distortion { k1, k2, p1, p2 };
         Self {
             intrinsics,
             distortion,
@@ -364,7 +366,8 @@ impl Pipeline<'_> {
             }
         };
         let held = matches!(known, KnownLens::Estimated(_)) && self.options.lens == LensModel::K1;
-        CameraState::new(k, &Distortion { k2: if held { 0.0 } else { lens.k2 }, ..lens }, &self.frame())
+        let lens = Distortion { k2: if held { 0.0 } else { lens.k2 }, ..lens };
+        CameraState::new(k, &lens.into(), &self.frame())
     }
 
     /// Attitudes of the groups as their circular points say under a camera matrix.

@@ -10,7 +10,10 @@
 use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::intrinsics::Intrinsics;
+use crate::geometry::{
+    intrinsics::Intrinsics,
+    lens::{Lens, Radtan},
+};
 
 /// Coefficients of the lens distortion (no unit: they act on coordinates divided by the focal length).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -113,6 +116,18 @@ impl Distortion {
     /// A distorted pixel to the pixel an ideal lens would have given, with the same camera matrix.
     pub fn undistort_pixel(&self, k: &Intrinsics, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         self.undistort(&k.normalised_from_pixel(pixel)).map(|p| k.pixel_from_normalised(&p))
+    }
+}
+
+impl From<&Distortion> for Lens {
+    fn from(d: &Distortion) -> Self {
+        Self::Radtan(Radtan::new([d.k1, d.k2, d.p1, d.p2, 0.0]))
+    }
+}
+
+impl From<Distortion> for Lens {
+    fn from(d: Distortion) -> Self {
+        Self::from(&d)
     }
 }
 

@@ -223,7 +223,7 @@ impl Planner {
         options.validate()?;
         let (size, calibration) = (options.size, &options.calibration);
         let frame = Frame::new(size, calibration.principal_point_px);
-        let camera = CameraState::new(&options.intrinsics, &options.distortion, &frame);
+        let camera = CameraState::new(&options.intrinsics, &options.distortion.into(), &frame);
         let assumed = calibration.assumptions(size);
         let unknowns = &assumed.cameras[0];
         let mut free: [bool; NUMBERS] = std::array::from_fn(|i| unknowns.is_free(i));

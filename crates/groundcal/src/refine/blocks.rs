@@ -14,7 +14,7 @@
 use nalgebra::{DVector, Matrix3, Rotation3, SVector, Vector2, Vector3};
 
 use crate::{
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
     numerics::levenberg_marquardt::{Descent, LmOptions},
 };
 
@@ -43,12 +43,12 @@ pub struct CameraState {
     /// Camera matrix, in units of the camera's frame.
     pub matrix: MatrixNumbers,
     /// Lens.
-    pub lens: Distortion,
+    pub lens: Lens,
 }
 
 impl CameraState {
     /// From a camera matrix in pixels.
-    pub fn new(intrinsics_px: &Intrinsics, lens: &Distortion, frame: &Frame) -> Self {
+    pub fn new(intrinsics_px: &Intrinsics, lens: &Lens, frame: &Frame) -> Self {
         let k = frame.intrinsics_from_pixel(intrinsics_px);
         Self { matrix: MatrixNumbers::from([k.fx.ln(), (k.fy / k.fx).ln(), k.cx, k.cy, k.skew]), lens: *lens }
     }
@@ -62,7 +62,7 @@ impl CameraState {
 
     /// Numbers of the block.
     pub fn len(&self) -> usize {
-        MATRIX + lens_numbers(&self.lens).len()
+        MATRIX + self.lens.parameter_names().len()
     }
 
     /// Never: a camera has a matrix.
@@ -72,24 +72,20 @@ impl CameraState {
 
     /// The numbers of the block in their order.
     pub fn numbers(&self) -> DVector<f64> {
-        let lens = lens_numbers(&self.lens);
-        DVector::from_iterator(self.len(), self.matrix.iter().copied().chain(lens))
+        DVector::from_iterator(self.len(), self.matrix.iter().copied().chain(self.lens.parameters()))
     }
 
-    /// A number of the block moved.
-    pub(crate) fn step(&mut self, number: usize, by: f64) {
-        if number < MATRIX {
-            self.matrix[number] += by;
-        } else {
-            let d = &mut self.lens;
-            *[&mut d.k1, &mut d.k2, &mut d.p1, &mut d.p2][number - MATRIX] += by;
+    /// With numbers of the block moved by steps.
+    pub(crate) fn moved(&self, steps: impl Iterator<Item = (usize, f64)>) -> Self {
+        let (mut matrix, mut parameters) = (self.matrix, self.lens.parameters());
+        for (number, by) in steps {
+            match number.checked_sub(MATRIX) {
+                None => matrix[number] += by,
+                Some(of_lens) => parameters[of_lens] += by,
+            }
         }
+        Self { matrix, lens: self.lens.with_parameters(&parameters).unwrap_or(self.lens) }
     }
-}
-
-/// The lens's numbers, in OpenCV's order.
-fn lens_numbers(d: &Distortion) -> [f64; 4] {
-    [d.k1, d.k2, d.p1, d.p2]
 }
 
 /// Where a camera sits in the rig: camera from the coordinates of the rig's first camera, lengths in the world's unit.

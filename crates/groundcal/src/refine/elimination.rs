@@ -40,17 +40,18 @@ pub(crate) struct Part {
     rows: Vec<f64>,
 }
 
-/// The rows of a track's observations, two each: derivatives by the cluster's columns, by the point (2), residual.
+/// The rows of a track's observations, two each: derivatives by the cluster's columns, residual, derivatives by the point (2).
 pub(crate) struct TrackRows {
     rows: Vec<f64>,
     columns: usize,
-    scratch: Vec<f64>,
+    reflections: Reflections,
 }
 
 impl TrackRows {
     pub(crate) fn new(cluster: &Cluster) -> Self {
         let columns = cluster.columns.len();
-        Self { rows: vec![0.0; 2 * cluster.images.len() * (columns + 3)], columns, scratch: Vec::new() }
+        let rows = vec![0.0; 2 * cluster.images.len() * (columns + 3)];
+        Self { rows, columns, reflections: Reflections::default() }
     }
 
     fn width(&self) -> usize {
@@ -79,8 +80,9 @@ pub(crate) struct ObservationRows<'a> {
 impl ObservationRows<'_> {
     /// Adds a block's derivatives (columns of two), whitened by the upper triangular root (a, b; 0, d).
     pub(crate) fn add_block(&mut self, derivatives: &[f64], places: &Places, [a, b, d]: [f64; 3]) {
+        let columns = derivatives.as_chunks::<2>().0;
         for &(number, place) in places {
-            let (x, y) = (derivatives[2 * number], derivatives[2 * number + 1]);
+            let [x, y] = columns[number];
             self.x[place] += a * x + b * y;
             self.y[place] += d * y;
         }
@@ -88,14 +90,14 @@ impl ObservationRows<'_> {
 
     /// Sets the derivatives by one of the point's two coordinates, whitened.
     pub(crate) fn set_point(&mut self, coordinate: usize, (x, y): (f64, f64), [a, b, d]: [f64; 3]) {
-        self.x[self.columns + coordinate] = a * x + b * y;
-        self.y[self.columns + coordinate] = d * y;
+        self.x[self.columns + 1 + coordinate] = a * x + b * y;
+        self.y[self.columns + 1 + coordinate] = d * y;
     }
 
     /// Sets the residual, weighted.
     pub(crate) fn set_residual(&mut self, x: f64, y: f64) {
-        self.x[self.columns + 2] = x;
-        self.y[self.columns + 2] = y;
+        self.x[self.columns] = x;
+        self.y[self.columns] = y;
     }
 }
 
@@ -124,89 +126,115 @@ impl Part {
         let long = places.len() > LONG_TRACK;
         if long {
             for (pair, p) in rows.rows.chunks_exact(2 * width).zip(places) {
-                for row in pair.chunks_exact(width) {
-                    self.add_sparse(row, &p.occupied, row[n + 2]);
-                }
+                self.add_sparse(pair.split_at(width), &p.occupied, n);
             }
         }
-        let e = triangulate(&mut rows.rows, width, n, &mut rows.scratch)?;
-        self.by_points += 0.5 * (e[3] * e[3] + e[4] * e[4]);
-        self.eliminations.push(Elimination { track, r: [e[0], e[1], e[2]], right: [e[3], e[4]] });
-        self.rows.extend_from_slice(&rows.rows[..n]);
-        self.rows.extend_from_slice(&rows.rows[width..width + n]);
+        let [r00, r01, r11] = rows.reflections.triangulate(&mut rows.rows, width)?;
+        let of_point = &rows.rows[..2 * width];
+        let right = [of_point[n], of_point[width + n]];
+        self.by_points += 0.5 * (right[0] * right[0] + right[1] * right[1]);
+        self.eliminations.push(Elimination { track, r: [r00, r01, r11], right });
+        self.rows.extend_from_slice(&of_point[..n]);
+        self.rows.extend_from_slice(&of_point[width..width + n]);
         if long {
-            for row in rows.rows.chunks_exact(width).take(2) {
-                self.add(&row[..n], row[n + 2], -1.0);
-            }
+            self.add(of_point.split_at(width), n, -1.0);
         } else {
-            for row in rows.rows.chunks_exact(width).skip(2) {
-                self.add(&row[..n], row[n + 2], 1.0);
+            for pair in rows.rows.chunks_exact(2 * width).skip(1) {
+                self.add(pair.split_at(width), n, 1.0);
             }
         }
         Some(())
     }
 
-    /// Adds (or takes away) the outer product of a row of J and its product with the residual.
-    fn add(&mut self, j: &[f64], r: f64, sign: f64) {
+    /// Adds (or takes away) the outer products of two rows of J (n columns, then the residual) and their products with the residuals.
+    fn add(&mut self, (first, second): (&[f64], &[f64]), n: usize, sign: f64) {
+        let (r, s) = (first[n], second[n]);
         let mut at = 0;
-        for (i, &value) in j.iter().enumerate() {
-            let value = sign * value;
-            self.gradient[i] += value * r;
-            for (sum, other) in self.information[at..=at + i].iter_mut().zip(j) {
-                *sum += value * other;
+        for (i, gradient) in self.gradient.iter_mut().enumerate() {
+            let (a, b) = (sign * first[i], sign * second[i]);
+            *gradient += a * r + b * s;
+            let sums = &mut self.information[at..=at + i];
+            for ((sum, x), y) in sums.iter_mut().zip(&first[..=i]).zip(&second[..=i]) {
+                *sum += a * x + b * y;
             }
             at += i + 1;
         }
     }
 
-    /// The same for a row that has entries at `occupied` only, ascending.
-    fn add_sparse(&mut self, j: &[f64], occupied: &[usize], r: f64) {
+    /// The same for rows that have entries at `occupied` only, ascending.
+    fn add_sparse(&mut self, (first, second): (&[f64], &[f64]), occupied: &[usize], n: usize) {
+        let (r, s) = (first[n], second[n]);
         for (k, &row) in occupied.iter().enumerate() {
-            let value = j[row];
-            self.gradient[row] += value * r;
-            let start = row * (row + 1) / 2;
+            let (a, b) = (first[row], second[row]);
+            self.gradient[row] += a * r + b * s;
+            let sums = &mut self.information[row * (row + 1) / 2..];
             for &column in &occupied[..=k] {
-                self.information[start + column] += value * j[column];
+                sums[column] += a * first[column] + b * second[column];
             }
         }
     }
 }
 
-/// Two Householder reflections that make the columns n and n + 1 (the point's) upper triangular; returns R by rows and the two
-/// first entries of the residual column. `None` when the point is not determined.
-fn triangulate(rows: &mut [f64], width: usize, n: usize, scratch: &mut Vec<f64>) -> Option<[f64; 5]> {
-    let count = rows.len() / width;
-    let mut diagonal = [0.0; 2];
-    for (k, alpha) in diagonal.iter_mut().enumerate() {
-        let column = n + k;
-        let norm = (k..count).map(|i| rows[i * width + column].powi(2)).sum::<f64>().sqrt();
-        if norm.is_nan() || norm <= f64::MIN_POSITIVE {
-            return None;
+/// Two Householder reflections that make the last two columns (the point's) upper triangular, applied to all others at once:
+/// I - β v vᵀ, then I - γ w wᵀ.
+#[derive(Default)]
+struct Reflections {
+    /// (v, w), a row each.
+    vectors: Vec<[f64; 2]>,
+    /// v times the columns, and w.
+    products: [Vec<f64>; 2],
+}
+
+impl Reflections {
+    /// Applies them and returns R: (0,0), (0,1), (1,1). The columns of the point are left as they were. `None` when the point is
+    /// not determined.
+    fn triangulate(&mut self, rows: &mut [f64], width: usize) -> Option<[f64; 3]> {
+        let active = width - 2;
+        self.vectors.clear();
+        self.vectors.extend(rows.chunks_exact(width).map(|row| [row[active], row[active + 1]]));
+        let (first, beta) = reflection(&mut self.vectors, 0)?;
+        let along: f64 = beta * self.vectors.iter().map(|[v, c]| v * c).sum::<f64>();
+        self.vectors.iter_mut().for_each(|[v, c]| *c -= along * *v);
+        let corner = self.vectors[0][1];
+        self.vectors[0][1] = 0.0;
+        let (second, gamma) = reflection(&mut self.vectors, 1)?;
+        let common: f64 = self.vectors.iter().map(|[v, w]| v * w).sum();
+        let [by_v, by_w] = &mut self.products;
+        for products in [&mut *by_v, &mut *by_w] {
+            products.clear();
+            products.resize(active, 0.0);
         }
-        let head = rows[k * width + column];
-        *alpha = if head > 0.0 { -norm } else { norm };
-        // v = column - alpha e_k, vᵀv / 2 = norm (norm + |head|).
-        let beta = 1.0 / (norm * (norm + head.abs()));
-        scratch.clear();
-        scratch.resize(width + count, 0.0);
-        let (sums, v) = scratch.split_at_mut(width);
-        for i in k..count {
-            v[i] = rows[i * width + column];
-        }
-        v[k] -= *alpha;
-        for (row, weight) in rows.chunks_exact(width).zip(v.iter()).skip(k) {
-            for (sum, value) in sums.iter_mut().zip(row) {
-                *sum += weight * value;
+        for (row, [v, w]) in rows.chunks_exact(width).zip(&self.vectors) {
+            for ((value, p), q) in row[..active].iter().zip(by_v.iter_mut()).zip(by_w.iter_mut()) {
+                *p += v * value;
+                *q += w * value;
             }
         }
-        for (row, weight) in rows.chunks_exact_mut(width).zip(v.iter()).skip(k) {
-            let factor = beta * weight;
-            for (value, sum) in row.iter_mut().zip(sums.iter()) {
-                *value -= factor * sum;
+        for (p, q) in by_v.iter_mut().zip(by_w.iter_mut()) {
+            *p *= beta;
+            *q = gamma * (*q - common * *p);
+        }
+        for (row, [v, w]) in rows.chunks_exact_mut(width).zip(&self.vectors) {
+            for ((value, p), q) in row[..active].iter_mut().zip(by_v.iter()).zip(by_w.iter()) {
+                *value -= v * p + w * q;
             }
         }
+        Some([first, corner, second])
     }
-    Some([diagonal[0], rows[n + 1], diagonal[1], rows[n + 2], rows[width + n + 2]])
+}
+
+/// Makes column k of the pairs, from row k on, the vector of the reflection that turns it into a multiple α of the k-th axis;
+/// returns α and 2 / vᵀv.
+fn reflection(vectors: &mut [[f64; 2]], k: usize) -> Option<(f64, f64)> {
+    let norm = vectors[k..].iter().map(|v| v[k] * v[k]).sum::<f64>().sqrt();
+    if norm.is_nan() || norm <= f64::MIN_POSITIVE {
+        return None;
+    }
+    let head = vectors[k][k];
+    let alpha = if head > 0.0 { -norm } else { norm };
+    vectors[k][k] -= alpha;
+    // v = column - α e_k, vᵀv / 2 = norm (norm + |head|).
+    Some((alpha, 1.0 / (norm * (norm + head.abs()))))
 }
 
 /// The problem linearised, points eliminated.
@@ -277,5 +305,30 @@ impl Linearisation for Reduced {
             }
         }
         Some(DampedStep { step: all, predicted_decrease })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::DMatrix;
+
+    use super::*;
+
+    #[test]
+    fn reflections_are_orthogonal_and_leave_nothing_of_the_point() {
+        const WIDTH: usize = 6;
+        let value = |i: usize| ((7 * i + 3) as f64).sin();
+        let before = DMatrix::from_fn(6, WIDTH, |r, c| value(r * WIDTH + c));
+        let mut rows: Vec<f64> = before.transpose().as_slice().to_vec();
+        let [a, b, c] = Reflections::default().triangulate(&mut rows, WIDTH).expect("two directions");
+        // With R in the place of the point's columns, lengths and products of columns are what they were.
+        let mut after = DMatrix::from_row_slice(6, WIDTH, &rows);
+        after.columns_mut(4, 2).fill(0.0);
+        (after[(0, 4)], after[(0, 5)], after[(1, 5)]) = (a, b, c);
+        assert!((after.tr_mul(&after) - before.tr_mul(&before)).norm() < 1e-13);
+        // The same direction twice is no point.
+        let mut flat = rows.clone();
+        flat.chunks_exact_mut(WIDTH).for_each(|row| (row[4], row[5]) = (0.0, row[4]));
+        assert!(Reflections::default().triangulate(&mut flat, WIDTH).is_none());
     }
 }

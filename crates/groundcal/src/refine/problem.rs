@@ -327,7 +327,7 @@ impl LeastSquares for Problem {
         let at = |column: Option<usize>| column.map_or(0.0, |c| step[c]);
         let mut moved = state.clone();
         for (camera, block) in moved.cameras.iter_mut().zip(&self.layout.cameras) {
-            block.free().for_each(|(number, column)| camera.step(number, step[column]));
+            *camera = camera.moved(block.free().map(|(number, column)| (number, step[column])));
         }
         for (pose, block) in moved.rig.iter_mut().zip(&self.layout.rig) {
             if block.size > 0 {

@@ -1,7 +1,7 @@
 //! A camera's view of a point: the residual's model and its derivatives by each block.
 //!
 //! ```text
-//! x = R (A D(δ) Rz(-yaw) B q) + W t,     pixel = K distort(x / z)
+//! x = R (A D(δ) Rz(-yaw) B q) + W t,     pixel = K lens(x)
 //!
 //! floor:       q = (X, Y, W) homogeneous point of the plane,  B q = (X - W cx, Y - W cy, -W h)
 //! directions:  q = direction of a point far away,             B q = q,  W = 0
@@ -14,7 +14,10 @@
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 
-use crate::geometry::{attitude::yaw_rotation, distortion::Distortion};
+use crate::geometry::{
+    attitude::yaw_rotation,
+    lens::{Lens, LensProjection, MAX_LENS_PARAMETERS},
+};
 use crate::refine::blocks::{
     CameraState, FRAME, FrameState, GROUP, GroupState, MATRIX, RIG_POSE, RigPose, rotation_x, rotation_y,
 };
@@ -29,7 +32,7 @@ pub enum SceneModel {
 }
 
 /// Most numbers a camera's block has.
-pub const MOST_CAMERA_NUMBERS: usize = MATRIX + 5;
+pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
 
 /// The matrices of a camera at a frame, made once for all points.
 #[derive(Debug, Clone)]
@@ -112,7 +115,7 @@ impl Pose {
 pub struct Projector {
     linear: Matrix2<f64>,
     centre: Vector2<f64>,
-    lens: Distortion,
+    lens: Lens,
 }
 
 impl Projector {
@@ -127,25 +130,16 @@ impl Projector {
         Vector2::new(m[(0, 0)] * d.x + m[(0, 1)] * d.y, m[(1, 1)] * d.y) + self.centre
     }
 
-    /// The pixel of a point in camera coordinates; `None` behind the camera or beyond the lens's fold.
+    /// The pixel of a point in camera coordinates; `None` where the lens shows none.
     pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
-        if x.z <= 1e-9 * x.norm() {
-            return None;
-        }
-        let n = Vector2::new(x.x / x.z, x.y / x.z);
-        if self.lens.is_none() {
-            return Some(self.pixel(&n));
-        }
-        (self.lens.distort_jacobian(&n).determinant() > 0.0).then(|| self.pixel(&self.lens.distort(&n)))
+        self.lens.project(x).map(|d| self.pixel(&d))
     }
 
-    /// The ray (z = 1) of a pixel in camera coordinates.
+    /// The ray (unit length) of a pixel in camera coordinates.
     pub fn ray(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         let m = &self.linear;
         let y = (pixel.y - self.centre.y) / m[(1, 1)];
-        let d = Vector2::new((pixel.x - self.centre.x - m[(0, 1)] * y) / m[(0, 0)], y);
-        let n = self.lens.undistort(&d)?;
-        Some(Vector3::new(n.x, n.y, 1.0))
+        self.lens.unproject(&Vector2::new((pixel.x - self.centre.x - m[(0, 1)] * y) / m[(0, 0)], y))
     }
 }
 
@@ -165,32 +159,16 @@ pub struct Projection {
     pub by_point: Matrix2x3<f64>,
 }
 
-/// Projects a point with all derivatives; `None` behind the camera or beyond the lens's fold.
+/// Projects a point with all derivatives; `None` where the lens shows none.
 pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>) -> Option<Projection> {
     let x = pose.camera_point(q);
-    if x.z <= 1e-9 * x.norm() {
-        return None;
-    }
-    let inverse = 1.0 / x.z;
-    let n = Vector2::new(x.x * inverse, x.y * inverse);
-    let d = projector.lens.distort(&n);
-    let lens = projector.lens.distort_jacobian(&n);
-    if lens.determinant() <= 0.0 {
-        return None;
-    }
-    let linear = &projector.linear;
-    let by_normalised = linear * lens;
-    // ∂pixel / ∂x, homogeneous of degree -1.
-    let g = Matrix2x3::from_columns(&[
-        by_normalised.column(0) * inverse,
-        by_normalised.column(1) * inverse,
-        -(by_normalised * n) * inverse,
-    ]);
+    let seen = projector.lens.project_with_jacobian(&x)?;
+    let g = projector.linear * seen.by_ray;
     let weight = if pose.scene == SceneModel::Floor { q.z } else { 0.0 };
     let (by_group, by_frame, by_rig) = by_poses(pose, &g, &x, weight);
     Some(Projection {
-        pixel: projector.pixel(&d),
-        by_camera: by_camera(linear, &n, &d),
+        pixel: projector.pixel(&seen.point),
+        by_camera: by_camera(&projector.linear, &seen),
         by_rig,
         by_group,
         by_frame,
@@ -198,20 +176,16 @@ pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<
     })
 }
 
-fn by_camera(linear: &Matrix2<f64>, n: &Vector2<f64>, d: &Vector2<f64>) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
+fn by_camera(linear: &Matrix2<f64>, seen: &LensProjection) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
     let mut j = SMatrix::<f64, 2, MOST_CAMERA_NUMBERS>::zeros();
+    let d = &seen.point;
     let fy_part = linear[(1, 1)] * d.y;
+    // ln fx moves fy too; both move the pixel in proportion, the skew apart.
     (j[(0, 0)], j[(1, 0)]) = (linear[(0, 0)] * d.x, fy_part);
     j[(1, 1)] = fy_part;
     (j[(0, 2)], j[(1, 3)]) = (1.0, 1.0);
     j[(0, 4)] = d.y;
-    let r2 = n.norm_squared();
-    let along = linear * n * r2;
-    j.set_column(5, &along);
-    j.set_column(6, &(along * r2));
-    let (x, y) = (n.x, n.y);
-    j.set_column(7, &(linear * Vector2::new(2.0 * x * y, r2 + 2.0 * y * y)));
-    j.set_column(8, &(linear * Vector2::new(r2 + 2.0 * x * x, 2.0 * x * y)));
+    j.fixed_columns_mut::<MAX_LENS_PARAMETERS>(MATRIX).copy_from(&(linear * seen.by_parameters));
     j
 }
 
@@ -266,16 +240,19 @@ mod tests {
     use nalgebra::SVector;
 
     use super::*;
-    use crate::geometry::attitude::attitude_rotation;
+    use crate::{
+        geometry::{
+            attitude::attitude_rotation,
+            lens::{Fisheye, Radtan},
+        },
+        refine::blocks::State,
+    };
 
     /// Camera, its place in the rig, group, frame and a point.
     type Example = (CameraState, RigPose, GroupState, FrameState, Vector3<f64>);
 
-    fn example(scene: SceneModel) -> Example {
-        let camera = CameraState {
-            matrix: [0.8, 0.01, 0.05, -0.03, 0.01].into(),
-            lens: Distortion { k1: -0.15, k2: 0.03, p1: 1e-3, p2: -2e-3 },
-        };
+    fn example(scene: SceneModel, lens: Lens) -> Example {
+        let camera = CameraState { matrix: [0.8, 0.01, 0.05, -0.03, 0.01].into(), lens };
         let rig = RigPose::identity().moved(&SVector::from([0.05, -0.1, 0.2, 0.3, -0.05, 0.02]));
         let group = GroupState { attitude: attitude_rotation(0.7, 0.3), ln_height: 0.1 };
         let frame = FrameState {
@@ -290,15 +267,22 @@ mod tests {
     }
 
     /// The numbers of all blocks, one after the other, and where each block begins.
-    const BEGIN: [usize; 5] = [0, 9, 15, 18, 24];
-    const ALL: usize = 27;
+    const BEGIN: [usize; 5] = [0, 10, 16, 19, 25];
+    const ALL: usize = 28;
+
+    /// Lenses of three, five and no numbers.
+    fn lenses() -> [Lens; 3] {
+        let radtan = Radtan::new([-0.15, 0.03, 1e-3, -2e-3, 0.004]);
+        [Lens::Radtan(radtan), Lens::Fisheye(Fisheye::new([0.02, -0.01, 0.003, -0.0005])), Lens::None]
+    }
 
     fn moved(e: &Example, i: usize, by: f64) -> Example {
         let (mut camera, mut rig, mut group, mut frame, mut q) = *e;
         let block = (0..5).rfind(|&b| BEGIN[b] <= i).expect("one of them");
         let number = i - BEGIN[block];
         match block {
-            0 => camera.step(number, by),
+            0 if number < camera.len() => camera = camera.moved(std::iter::once((number, by))),
+            0 => {}
             1 => rig = rig.moved(&SVector::from_fn(|r, _| if r == number { by } else { 0.0 })),
             2 => match number {
                 0 => group.attitude = group.turned([by, 0.0]),
@@ -316,41 +300,64 @@ mod tests {
         (camera, rig, group, frame, q)
     }
 
+    fn agrees_with_differences(scene: SceneModel, in_rig: bool, lens: Lens) {
+        let pose = |e: &Example| Pose::of(scene, &e.2, &e.3, in_rig.then_some(&e.1));
+        let value =
+            |e: &Example| Projector::new(&e.0).project(&pose(e).camera_point(&e.4)).expect("in front of the camera");
+        let e = example(scene, lens);
+        let p = project_with_derivatives(&Projector::new(&e.0), &pose(&e), &e.4).expect("in front");
+        assert!((p.pixel - value(&e)).norm() < 1e-14);
+        for i in 0..ALL {
+            const H: f64 = 1e-6;
+            let difference = (value(&moved(&e, i, H)) - value(&moved(&e, i, -H))) / (2.0 * H);
+            let block = (0..5).rfind(|&b| BEGIN[b] <= i).expect("one of them");
+            let n = i - BEGIN[block];
+            let analytic = match block {
+                0 => p.by_camera.column(n).into_owned(),
+                1 => p.by_rig.column(n).into_owned(),
+                2 => p.by_group.column(n).into_owned(),
+                3 => p.by_frame.column(n).into_owned(),
+                _ => p.by_point.column(n).into_owned(),
+            };
+            let error = (difference - analytic).norm();
+            assert!(error < 1e-8, "{scene:?} {in_rig} {lens:?} block {block} number {n}: {difference} {analytic}");
+        }
+    }
+
     #[test]
     fn derivatives_by_every_block_agree_with_differences() {
         for scene in [SceneModel::Floor, SceneModel::Directions] {
             for in_rig in [false, true] {
-                let pose = |e: &Example| Pose::of(scene, &e.2, &e.3, in_rig.then_some(&e.1));
-                let value = |e: &Example| {
-                    Projector::new(&e.0).project(&pose(e).camera_point(&e.4)).expect("in front of the camera")
-                };
-                let e = example(scene);
-                let p = project_with_derivatives(&Projector::new(&e.0), &pose(&e), &e.4).expect("in front");
-                assert!((p.pixel - value(&e)).norm() < 1e-14);
-                for i in 0..ALL {
-                    const H: f64 = 1e-6;
-                    let difference = (value(&moved(&e, i, H)) - value(&moved(&e, i, -H))) / (2.0 * H);
-                    let block = (0..5).rfind(|&b| BEGIN[b] <= i).expect("one of them");
-                    let n = i - BEGIN[block];
-                    let analytic = match block {
-                        0 => p.by_camera.column(n).into_owned(),
-                        1 => p.by_rig.column(n).into_owned(),
-                        2 => p.by_group.column(n).into_owned(),
-                        3 => p.by_frame.column(n).into_owned(),
-                        _ => p.by_point.column(n).into_owned(),
-                    };
-                    let error = (difference - analytic).norm();
-                    assert!(error < 1e-8, "{scene:?} {in_rig} block {block} number {n}: {difference} {analytic}");
-                }
+                lenses().into_iter().for_each(|lens| agrees_with_differences(scene, in_rig, lens));
             }
+        }
+    }
+
+    #[test]
+    fn a_group_of_its_own_changes_no_pose() {
+        let (camera, rig, group, frame, _) = example(SceneModel::Floor, Lens::None);
+        let other = FrameState { delta_rad: [0.6, -0.4], ..frame };
+        let state = State {
+            cameras: vec![camera],
+            rig: vec![rig],
+            groups: vec![group],
+            frames: vec![frame, other],
+            points: Vec::new(),
+        };
+        let own = state.clone().with_own_attitudes();
+        assert_eq!(own.groups.len(), 2);
+        for (before, after) in state.frames.iter().zip(&own.frames) {
+            let [a, b] =
+                [(&state, before), (&own, after)].map(|(s, f)| Pose::new(SceneModel::Floor, &s.groups[f.group], f));
+            assert!((a.matrix - b.matrix).norm() < 1e-14 && after.delta_rad == [0.0; 2]);
         }
     }
 
     #[test]
     fn what_is_seen_along_a_ray_is_seen_there() {
         for scene in [SceneModel::Floor, SceneModel::Directions] {
-            for in_rig in [false, true] {
-                let (camera, rig, group, frame, _) = example(scene);
+            for (in_rig, lens) in [false, true].into_iter().flat_map(|in_rig| lenses().map(|lens| (in_rig, lens))) {
+                let (camera, rig, group, frame, _) = example(scene, lens);
                 let projector = Projector::new(&camera);
                 let pose = Pose::of(scene, &group, &frame, in_rig.then_some(&rig));
                 // Below and above the horizon.
