@@ -6,10 +6,13 @@ use std::{
 };
 
 use clap::Args;
-use groundcal::geometry::{
-    camera_difference::{CameraDifference, camera_difference, significance},
-    camera_model::CameraModel,
-    size::ImageSize,
+use groundcal::{
+    geometry::{
+        camera_difference::{CameraDifference, camera_difference, significance},
+        camera_model::CameraModel,
+        size::ImageSize,
+    },
+    result::{Covariance, Parameter},
 };
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -17,7 +20,7 @@ use serde::Serialize;
 use crate::error::CliError;
 use groundcal_io::{
     export::write_whole,
-    import::{self, ImportedCamera, PARAMETERS},
+    import::{self, ImportedCamera},
 };
 use groundcal_report::plot::{
     field::{Field, short},
@@ -119,7 +122,7 @@ struct Reprojection {
 /// A file's camera with a size that is known.
 struct Camera {
     model: CameraModel,
-    covariance: Option<[[f64; 7]; 7]>,
+    covariance: Option<Covariance<Parameter>>,
 }
 
 /// Runs the command; returns what goes to standard output.
@@ -138,7 +141,7 @@ pub fn run(args: &CompareArgs) -> Result<String, CliError> {
             distortion: camera.distortion,
             k3: camera.k3,
         },
-        covariance: camera.covariance,
+        covariance: camera.covariance.clone(),
     };
     let report = |i: usize, size: ImageSize| CameraReport {
         file: args.files[i].clone(),
@@ -215,19 +218,19 @@ fn scaled(camera: Camera, size: ImageSize) -> Result<(Camera, Option<[usize; 2]>
              whole (not cropped)"
         ));
     }
-    let factors = [sx, sy, sx, sy, sx, 1.0, 1.0];
+    let factor = |p: Parameter| match p {
+        Parameter::Fx | Parameter::Cx | Parameter::Skew => sx,
+        Parameter::Fy | Parameter::Cy => sy,
+        Parameter::K1 | Parameter::K2 => 1.0,
+    };
     let covariance = camera.covariance.map(|mut c| {
-        for (i, row) in c.iter_mut().enumerate() {
-            for (j, value) in row.iter_mut().enumerate() {
-                *value *= factors[i] * factors[j];
-            }
-        }
+        c.scale(factor);
         c
     });
     Ok((Camera { model: camera.model.scaled_to(size), covariance }, Some([own.width, own.height])))
 }
 
-/// Ten numbers in the order of [`PARAMETERS`], then p1, p2, k3.
+/// Ten numbers in the order of [`Parameter::ALL`], then p1, p2, k3.
 fn numbers(camera: &CameraModel) -> [(&'static str, &'static str, f64); 10] {
     let (k, d) = (&camera.intrinsics, &camera.distortion);
     [
@@ -246,8 +249,9 @@ fn numbers(camera: &CameraModel) -> [(&'static str, &'static str, f64); 10] {
 
 /// Covariance of the difference: the sum, as the two are independent; a file without errors counts as exact.
 fn covariance_of_difference(a: &Camera, b: &Camera) -> DMatrix<f64> {
-    let of = |c: &Camera, i: usize, j: usize| c.covariance.map_or(0.0, |m| m[i][j]);
-    DMatrix::from_fn(7, 7, |i, j| of(a, i, j) + of(b, i, j))
+    let n = Parameter::ALL.len();
+    let of = |c: &Camera| c.covariance.as_ref().map_or(DMatrix::zeros(n, n), |m| m.of(&Parameter::ALL));
+    of(a) + of(b)
 }
 
 fn parameters(a: &Camera, b: &Camera) -> Vec<ParameterDifference> {
@@ -256,7 +260,7 @@ fn parameters(a: &Camera, b: &Camera) -> Vec<ParameterDifference> {
     pairs
         .enumerate()
         .map(|(i, ((parameter, unit, reference), (_, _, value)))| {
-            let variance = if i < PARAMETERS.len() { covariance[(i, i)] } else { 0.0 };
+            let variance = if i < Parameter::ALL.len() { covariance[(i, i)] } else { 0.0 };
             let standard_deviation = (variance > 0.0).then(|| variance.sqrt());
             let difference = value - reference;
             let difference_in_standard_deviations = standard_deviation.map(|s| difference / s);
@@ -276,10 +280,13 @@ fn parameters(a: &Camera, b: &Camera) -> Vec<ParameterDifference> {
 fn joint(a: &Camera, b: &Camera) -> Option<Joint> {
     let covariance = covariance_of_difference(a, b);
     let (na, nb) = (numbers(&a.model), numbers(&b.model));
-    let difference = DVector::from_fn(7, |i, _| nb[i].2 - na[i].2);
+    let difference = DVector::from_fn(Parameter::ALL.len(), |i, _| nb[i].2 - na[i].2);
     let s = significance(&difference, &covariance)?;
     Some(Joint {
-        parameters: (0..7).filter(|i| covariance[(*i, *i)] > 0.0).map(|i| PARAMETERS[i]).collect(),
+        parameters: (0..Parameter::ALL.len())
+            .filter(|i| covariance[(*i, *i)] > 0.0)
+            .map(|i| Parameter::ALL[i].name())
+            .collect(),
         chi_squared: s.chi_squared,
         degrees_of_freedom: s.degrees_of_freedom,
         p_value: s.p_value,
@@ -427,8 +434,7 @@ mod tests {
             distortion: Distortion::default(),
             k3: 0.0,
         };
-        let mut covariance = [[0.0; 7]; 7];
-        (covariance[0][0], covariance[1][1]) = (4.0, 9.0);
+        let covariance = Covariance::from_fn(&[Parameter::Fx, Parameter::Fy], |i, j| [[4.0, 0.0], [0.0, 9.0]][i][j]);
         Camera { model, covariance: Some(covariance) }
     }
 
@@ -438,7 +444,7 @@ mod tests {
         assert_eq!((same.model.intrinsics.fx, from), (700.0, None));
         let (half, from) = scaled(camera(800, 600), ImageSize::new(400, 300)).unwrap();
         assert_eq!((half.model.intrinsics.fx, from), (350.0, Some([800, 600])));
-        assert_eq!(half.covariance.unwrap()[0][0], 1.0);
+        assert_eq!(half.covariance.unwrap().variance(Parameter::Fx), 1.0);
         // 1000 x 667 at a third is 333 x 222.
         assert!(scaled(camera(1000, 667), ImageSize::new(333, 222)).is_ok());
         let message = scaled(camera(800, 600), ImageSize::new(800, 450)).err().unwrap();

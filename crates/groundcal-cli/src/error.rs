@@ -1,5 +1,7 @@
 //! What ends the program early, and its exit code.
 
+use crate::remedies::Flags;
+
 /// Exit codes: 0 a calibration; 1 anything else; 2 wrong usage; 3 the images cannot determine what was asked; 4 unreadable or
 /// unusable input.
 #[derive(Debug)]
@@ -31,7 +33,7 @@ impl std::fmt::Display for CliError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(text),
-            CliError::Calibration(error) => error.fmt(f),
+            CliError::Calibration(error) => f.write_str(&error.message(&Flags)),
         }
     }
 }

@@ -8,6 +8,7 @@ mod man;
 mod plan;
 mod progress;
 mod rectify;
+mod remedies;
 mod simulate;
 mod undistort;
 
@@ -35,6 +36,7 @@ use groundcal_io::{
 use groundcal_lab::render_scene;
 use groundcal_report::{html, text};
 use progress::Progress;
+use remedies::Flags;
 
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
@@ -132,14 +134,18 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     }
     if let Some(out) = &args.out {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::html(&calibration, &images)?) };
+        let page = if args.no_report { None } else { Some(html::html(&calibration, &images, &Flags)?) };
         let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
         for note in write_results(out, &calibration, &formats, page.as_deref())? {
             let _ = writeln!(std::io::stderr(), "note: {note}");
         }
         times.push(("writing", start.elapsed()));
     }
-    let page = if args.json { export::json(&calibration)? } else { text::summary(&calibration, count, args.verbose) };
+    let page = if args.json {
+        export::json(&calibration, &Flags)?
+    } else {
+        text::summary(&calibration, count, args.verbose, &Flags)
+    };
     print(&page)?;
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
@@ -192,7 +198,7 @@ fn run(args: &CalibrateArgs, progress: &Progress) -> Result<Calibrated, CliError
             let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
             if table.neighbours_only {
-                calibration.warnings.push(Warning::NeighboursOnly { images: count }.report());
+                calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }
             Ok(Calibrated { calibration, count, images: Vec::new() })
         }
@@ -227,7 +233,7 @@ fn write_results(
 ) -> Result<Vec<String>, CliError> {
     std::fs::create_dir_all(out)
         .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", out.display())))?;
-    let json = export::json(calibration)?;
+    let json = export::json(calibration, &Flags)?;
     let rendered = export::formats::render(calibration, formats)?;
     if let Some(page) = page {
         export::write_whole(&out.join("report.html"), page.as_bytes())?;

@@ -9,10 +9,12 @@ use crate::args::PictureFormatArg;
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::{
+        placed::{Placed, placed},
         rectify::{Mosaic, rectify, source_resolution},
         view::{FloorGrid, FloorView},
     },
     geometry::size::ImageSize,
+    result::{Calibration, Method},
     vision::resample::{Pyramid, Resampled},
 };
 use nalgebra::{Matrix3, Vector2};
@@ -21,7 +23,7 @@ use serde::Serialize;
 use crate::{args::parse_height, error::CliError};
 use groundcal_io::{
     export::write_whole,
-    import::groundcal_json::{Calibration, Placed},
+    import::groundcal_json,
     load,
     pictures::{self, PictureFormat},
 };
@@ -157,18 +159,19 @@ struct Work<'a> {
 
 /// Runs the command; returns what is printed, with notes for standard error.
 pub fn run(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
-    let calibration = Calibration::read(&args.calibration)?;
+    let calibration = groundcal_json::read(&args.calibration)?;
     let camera_height_m = args.camera_height.or(calibration.camera_height_m);
     let scale = args.camera_height.map_or(1.0, |h| h / calibration.camera_height_m.unwrap_or(1.0));
-    let placed = calibration.placed(scale)?;
+    let placed = placed(&calibration, scale)?;
     if args.mosaic && placed.iter().all(|p| p.origin.is_none()) {
         return Err(CliError::Input(format!(
             "{}: the views have attitudes but no positions ({}), so there is no common floor to lay them on. Calibrate without \
              --method linear, or leave --mosaic out to rectify each view by itself",
             args.calibration.display(),
-            match calibration.method.as_deref() {
-                Some("linear") => "--method linear",
-                _ => "the joint refinement failed",
+            match calibration.method {
+                Method::Linear => "--method linear",
+                Method::Rotating => "--method rotating",
+                Method::Joint => "the joint refinement failed",
             }
         )));
     }

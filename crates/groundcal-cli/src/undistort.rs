@@ -10,7 +10,11 @@ use crate::args::PictureFormatArg;
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::undistort::{Fit, Undistortion},
-    geometry::size::ImageSize,
+    geometry::{distortion::Distortion, size::ImageSize},
+    result::{
+        Camera, LensSource, PixelCentre,
+        calibration::{FORMAT_VERSION, SCHEMA_VERSION},
+    },
     vision::resample::{Pyramid, resample},
 };
 use serde::Serialize;
@@ -19,7 +23,7 @@ use tiff::encoder::{TiffEncoder, colortype::Gray32Float};
 use crate::error::CliError;
 use groundcal_io::{
     export::write_whole,
-    import::groundcal_json::Calibration,
+    import::groundcal_json,
     pictures::{self, PictureFormat},
 };
 
@@ -86,36 +90,17 @@ impl From<FitArg> for Fit {
 /// `camera_undistorted.json`: read back as a calibration.
 #[derive(Debug, Serialize)]
 struct CameraFile {
+    schema_version: u32,
     format_version: u32,
-    pixel_centre: &'static str,
-    camera: CameraJson,
+    pixel_centre: PixelCentre,
+    camera: Camera,
     undistort_fit: &'static str,
-    distorted_camera: CameraJson,
-}
-
-#[derive(Debug, Serialize)]
-struct CameraJson {
-    image_size: [usize; 2],
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    skew: f64,
-    distortion: LensJson,
-}
-
-#[derive(Debug, Serialize)]
-struct LensJson {
-    model: &'static str,
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
+    distorted_camera: Camera,
 }
 
 /// Runs the command; returns what is printed, with notes for standard error.
 pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
-    let calibration = Calibration::read(&args.calibration)?;
+    let calibration = groundcal_json::read(&args.calibration)?;
     let (k, lens, size) = (calibration.camera.intrinsics(), calibration.camera.lens(), calibration.camera.size());
     let undistortion = Undistortion::new(&k, &lens, size, args.fit.into())?;
     let mut notes = Vec::new();
@@ -148,32 +133,17 @@ pub fn run(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
 
     let mut text = String::new();
     let new = undistortion.intrinsics();
-    let camera =
-        |k: &groundcal::geometry::intrinsics::Intrinsics, d: groundcal::geometry::distortion::Distortion| CameraJson {
-            image_size: [size.width, size.height],
-            fx: k.fx,
-            fy: k.fy,
-            cx: k.cx,
-            cy: k.cy,
-            skew: k.skew,
-            distortion: LensJson {
-                model: if d.is_none() { "none" } else { "radtan" },
-                k1: d.k1,
-                k2: d.k2,
-                p1: d.p1,
-                p2: d.p2,
-            },
-        };
     let file = CameraFile {
-        format_version: 1,
-        pixel_centre: "(0,0) is the centre of the top-left pixel",
-        camera: camera(new, Default::default()),
+        schema_version: SCHEMA_VERSION,
+        format_version: FORMAT_VERSION,
+        pixel_centre: PixelCentre::TopLeftPixel,
+        camera: Camera::new(size, new, &Distortion::default(), LensSource::Given),
         undistort_fit: match args.fit {
             FitArg::Same => "same",
             FitArg::All => "all",
             FitArg::Crop => "crop",
         },
-        distorted_camera: camera(&k, lens),
+        distorted_camera: calibration.camera.clone(),
     };
     let json = serde_json::to_string_pretty(&file)
         .map_err(|e| CliError::Other(format!("cannot write the camera as JSON: {e}")))?;

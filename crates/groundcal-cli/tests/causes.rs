@@ -72,6 +72,13 @@ fn the_rotating_camera_method_knows_its_limits() {
     let json = calibrate(&[&[path.as_str()][..], &rotating].concat()).json();
     assert_eq!((head.code, json["method"].as_str()), (0, Some("rotating")), "{}", head.stderr);
     assert!(head.stdout.contains("rotating camera") && warnings(&json).contains(&"not_rotations"), "{}", head.stdout);
+    // Every rendering names the method.
+    let out = tempdir().unwrap();
+    let folder = text(out.path());
+    let args = [&["calibrate", path.as_str(), "--out", &folder][..], &rotating].concat();
+    assert_eq!(groundcal(&args).code, 0);
+    let page = std::fs::read_to_string(out.path().join("report.html")).unwrap();
+    assert!(page.contains("rotating-camera method") && !page.contains("linear method"));
     // Its bars are wider than the method's noise, and it is wrong by more than a per cent.
     let (fx, sigma) = (number(&json, "/camera/fx"), number(&json, "/standard_deviation/fx"));
     assert!((fx - 668.0).abs() > 6.68 && sigma > 1.0, "{fx} +- {sigma}");

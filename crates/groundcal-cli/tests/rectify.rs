@@ -69,7 +69,9 @@ fn truth_json(scene: &Scene) -> Value {
                    "position": v.centre_m.map(|x| x / height)})
         })
         .collect();
-    json!({"format_version": 1, "method": "joint", "scene": "floor", "views": views,
+    let attitudes: Vec<Value> =
+        scene.groups.iter().map(|g| json!({"pitch_down_deg": g.pitch_down_deg, "roll_deg": g.roll_deg})).collect();
+    json!({"format_version": 1, "method": "joint", "scene": "floor", "attitudes": attitudes, "views": views,
            "camera": {"image_size": c.image_size, "fx": k.fx, "fy": k.fy, "cx": k.cx, "cy": k.cy, "skew": k.skew,
                       "distortion": {"model": "radtan", "k1": c.k1, "k2": c.k2, "p1": c.p1, "p2": c.p2}}})
 }

@@ -412,7 +412,7 @@ fn judge(scene: &Scene, result: &Calibration, label: &str, seconds: f64, in_deta
     let false_motions: Vec<String> =
         used().filter(|m| is_false(&m.from, &m.to)).map(|m| format!("{}-{}", m.from, m.to)).collect();
     let error_percent = 100.0 * (c.fx / truth.fx - 1.0);
-    let warnings: Vec<&str> = result.warnings.iter().map(|w| w.code).collect();
+    let warnings: Vec<&str> = result.warnings.iter().map(|w| w.code()).collect();
     println!(
         "{label} f {error_percent:+7.3} %  z fx {} fy {} cx {} cy {} k1 {}  {:>2} motions{}  {seconds:4.1} s  {}",
         column(zs[0]),

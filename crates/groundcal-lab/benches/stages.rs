@@ -132,7 +132,12 @@ fn run() {
                 .iter()
                 .enumerate()
                 .filter_map(|(i, e)| {
-                    Some(Motion { from: 2 * i, to: 2 * i + 1, geometry: from_homography(e).ok()?, sides: Sides::One })
+                    Some(Motion {
+                        from: (2 * i).into(),
+                        to: (2 * i + 1).into(),
+                        geometry: from_homography(e).ok()?,
+                        sides: Sides::One,
+                    })
                 })
                 .collect();
             solve_camera(&motions, &frame, &options)

@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use groundcal::{
     numerics::statistics::NORMAL_95,
-    result::{Calibration, MotionReport},
+    remedy::Wording,
+    result::{Calibration, LensModelName, LensSource, Method, MotionReport, Parameter, Scene},
 };
 
 /// Width of the page in columns.
@@ -13,14 +14,20 @@ const WIDTH: usize = 100;
 const MAX_LISTED: usize = 8;
 
 /// The page.
-pub fn summary(c: &Calibration, images: usize, verbose: bool) -> String {
+pub fn summary(c: &Calibration, images: usize, verbose: bool, wording: &dyn Wording) -> String {
     let mut page = String::new();
     // Writing to a string cannot fail.
-    let _ = write_summary(&mut page, c, images, verbose);
+    let _ = write_summary(&mut page, c, images, verbose, wording);
     page
 }
 
-fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) -> std::fmt::Result {
+fn write_summary(
+    w: &mut String,
+    c: &Calibration,
+    images: usize,
+    verbose: bool,
+    wording: &dyn Wording,
+) -> std::fmt::Result {
     let used: Vec<&MotionReport> = c.motions.iter().filter(|m| m.used).collect();
     let double = "=".repeat(WIDTH);
     let single = "-".repeat(WIDTH);
@@ -30,15 +37,15 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
         |w: &mut String, a: (&str, String), b: (&str, String)| writeln!(w, "{:<16}{:<36}{:<16}{}", a.0, a.1, b.0, b.1);
     let [width, height] = c.camera.image_size;
     let method = match c.method {
-        "joint" => "joint refinement",
-        "rotating" => "rotating camera, covariance-weighted",
-        _ => "linear, covariance-weighted",
+        Method::Joint => "joint refinement",
+        Method::Rotating => "rotating camera, covariance-weighted",
+        Method::Linear => "linear, covariance-weighted",
     };
     two(w, ("Images:", format!("{images}, {width} x {height} px")), ("Method:", method.into()))?;
     two(
         w,
         ("Motions used:", format!("{} of {} pairs", used.len(), c.motions.len())),
-        ("Constraint:", c.constraint.clone()),
+        ("Constraint:", c.constraint.to_string()),
     )?;
     two(
         w,
@@ -54,8 +61,8 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     )?;
     if let Some(r) = &c.fit.refinement {
         let scene = match c.scene {
-            Some("directions") => "far away, the camera turns on the spot".to_string(),
-            _ => format!("floor; {} ties between attitudes", r.ties),
+            Some(Scene::Directions) => "far away, the camera turns on the spot".to_string(),
+            Some(Scene::Floor) | None => format!("floor; {} ties between attitudes", r.ties),
         };
         let heights = c.height_sigma.map_or("no part".into(), |s| format!("{:.3} % a view", 100.0 * s));
         two(w, ("Scene:", scene), ("Height sigma:", heights))?;
@@ -76,15 +83,10 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
     writeln!(w, "{:<12}{:>12}{:>14}{:>28}{:>12}", "", "estimate", "std. error", "[95 % interval]", "std. error")?;
     writeln!(w, "{:<12}{:>12}{:>14}{:>28}{:>12}", "", "px", "px", "px", "% of fx")?;
     writeln!(w, "{single}")?;
-    let s = &c.standard_deviation;
-    for (name, value, sigma) in [
-        ("fx", c.camera.fx, s.fx),
-        ("fy", c.camera.fy, s.fy),
-        ("cx", c.camera.cx, s.cx),
-        ("cy", c.camera.cy, s.cy),
-        ("skew", c.camera.skew, s.skew),
-    ] {
-        match sigma {
+    let of_lens = |wanted: bool| Parameter::ALL.into_iter().filter(move |p| p.is_of_lens() == wanted);
+    for name in of_lens(false) {
+        let value = c.value(name);
+        match c.standard_deviation(name) {
             Some(sigma) => {
                 let (low, high) = (value - NORMAL_95 * sigma, value + NORMAL_95 * sigma);
                 let percent = 100.0 * sigma / c.camera.fx;
@@ -94,15 +96,16 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
             None => writeln!(w, "{name:<12}{:>12.3}{:>14}", value + 0.0, "held")?,
         }
     }
-    for (name, value, sigma) in [("k1", c.camera.distortion.k1, s.k1), ("k2", c.camera.distortion.k2, s.k2)] {
-        if let Some(sigma) = sigma {
+    for name in of_lens(true) {
+        let value = c.value(name);
+        if let Some(sigma) = c.standard_deviation(name) {
             let (low, high) = (value - NORMAL_95 * sigma, value + NORMAL_95 * sigma);
             writeln!(w, "{name:<12}{value:>12.5}{sigma:>14.5}{low:>15.5}{high:>13.5}")?;
         }
     }
     writeln!(w, "{single}")?;
     for p in &c.priors {
-        let unit = if matches!(p.parameter, "aspect" | "k1" | "k2") { "" } else { " px" };
+        let unit = if p.parameter.is_in_pixels() { " px" } else { "" };
         writeln!(
             w,
             "prior: {:<8}{:>10.3} +- {:<8.3}{:<4} narrowed by the images to {:.0} % of that width",
@@ -137,6 +140,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
             attitude.map_or(f64::NAN, |a| a.roll_deg),
         )?;
     }
+    misfits(w, c, wording)?;
     attitudes(w, c, &single)?;
     if verbose && !c.views.is_empty() {
         views(w, c, &single)?;
@@ -177,7 +181,7 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
         )?;
     }
     for warning in &c.warnings {
-        writeln!(w, "\nwarning [{}]\n{}", warning.code, wrapped(&warning.message, 2))?;
+        writeln!(w, "\nwarning [{}]\n{}", warning.code(), wrapped(&warning.message(wording), 2))?;
     }
     Ok(())
 }
@@ -185,9 +189,9 @@ fn write_summary(w: &mut String, c: &Calibration, images: usize, verbose: bool) 
 fn distortion(c: &Calibration) -> String {
     let d = &c.camera.distortion;
     match (d.source, d.model) {
-        ("given", _) => format!("given: k1 {}, k2 {}", d.k1, d.k2),
-        ("estimated", "none") => "estimated: none found".into(),
-        (source, _) => source.into(),
+        (LensSource::Given, _) => format!("given: k1 {}, k2 {}", d.k1, d.k2),
+        (LensSource::Estimated, LensModelName::None) => "estimated: none found".into(),
+        (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.name().into(),
     }
 }
 
@@ -197,6 +201,16 @@ fn with_sigma(value: Option<f64>, sigma: Option<f64>, digits: usize) -> String {
         (Some(v), None) => format!("{v:.digits$}"),
         _ => "-".into(),
     }
+}
+
+/// Motions used that do not fit the others.
+fn misfits(w: &mut String, c: &Calibration, wording: &dyn Wording) -> std::fmt::Result {
+    for m in &c.motions {
+        if let Some(message) = m.diagnosis.and_then(|d| d.verdict.message(wording)) {
+            writeln!(w, "{}", wrapped(&format!("does not fit: {} - {}: {message}", m.from, m.to), 2))?;
+        }
+    }
+    Ok(())
 }
 
 /// The camera over the floor: angles, height and horizon of each attitude.

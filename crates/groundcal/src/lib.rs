@@ -30,11 +30,14 @@ pub mod calibrate;
 pub mod error;
 pub mod floor;
 pub mod geometry;
+pub mod ids;
 pub mod numerics;
+pub mod observer;
 pub mod pairs;
 #[cfg(feature = "synthetic")]
 pub mod plan;
 pub mod refine;
+pub mod remedy;
 pub mod result;
 pub mod select;
 pub mod start;

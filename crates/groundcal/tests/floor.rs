@@ -7,7 +7,7 @@ use groundcal::{
     floor::view::FloorView,
     geometry::distortion::Distortion,
     pairs::correspondence::ImagePair,
-    result::Calibration,
+    result::{Calibration, ViewParameter},
     synthetic::points::PointScene,
 };
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
@@ -73,7 +73,7 @@ fn poses_horizons_and_distances_are_within_their_error_bars() {
                 let [p, q] = pixels.map(|p| view.floor_from_pixel(&p).expect("below the horizon"));
                 let [jp, jq] = pixels.map(|p| view.floor_point_jacobian(&p).expect("below the horizon"));
                 let along = (q - p).normalize().transpose() * (jq - jp);
-                let sd = (along * second.covariance * along.transpose())[(0, 0)].sqrt();
+                let sd = (along * second.covariance.of(&ViewParameter::ALL) * along.transpose())[(0, 0)].sqrt();
                 errors.push((6, ((q - p).norm() - distance) / sd));
 
                 let h = second.floor_from_image.as_ref().expect("over the floor");
@@ -125,8 +125,9 @@ fn a_camera_height_makes_lengths_metres() {
         let (h, k) = (a.floor_from_image.as_ref().expect("a floor"), b.floor_from_image.as_ref().expect("a floor"));
         assert!((h.matrix[0][1] * 1.6 - k.matrix[0][1]).abs() < 1e-12 && h.matrix[2] == k.matrix[2]);
         assert!((h.covariance[0][8] * 1.6 - k.covariance[0][8]).abs() <= 1e-9 * h.covariance[0][8].abs());
-        let relative =
-            |v: &groundcal::result::ViewReport| v.covariance[(10, 10)].sqrt() / v.position.expect("a floor")[0];
+        let relative = |v: &groundcal::result::ViewReport| {
+            v.covariance.variance(ViewParameter::X).sqrt() / v.position.expect("a floor")[0]
+        };
         assert!(a.position.expect("a floor")[0] == 0.0 || (relative(a) - relative(b)).abs() < 1e-9 * relative(a).abs());
     }
     assert!(c.with_camera_height(-1.0).expect_err("negative").to_string().contains("-1"));

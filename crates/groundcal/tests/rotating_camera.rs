@@ -7,7 +7,7 @@ use groundcal::{
     error::Error,
     geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
     pairs::correspondence::ImagePair,
-    result::Calibration,
+    result::{Calibration, LensSource, Scene},
     start::absolute_conic::Constraint,
     synthetic::points::{MotionSpec, PointScene, turning_pairs},
 };
@@ -45,8 +45,8 @@ fn errors(c: &Calibration) -> [f64; 4] {
     [c.camera.fx - K.fx, c.camera.fy - K.fy, c.camera.cx - K.cx, c.camera.cy - K.cy]
 }
 
-fn codes(c: &Calibration) -> Vec<&'static str> {
-    c.warnings.iter().map(|w| w.code).collect()
+fn codes(c: &Calibration) -> Vec<&str> {
+    c.warnings.iter().map(|w| w.code()).collect()
 }
 
 #[test]
@@ -55,8 +55,8 @@ fn exact_matches_of_a_pan_tilt_head_give_the_camera() {
     for constraint in [Constraint::Auto, Constraint::ZeroSkew, Constraint::Full] {
         let c = calibrate(&pairs, rotating(constraint)).expect("a camera");
         assert!(errors(&c).iter().all(|e| e.abs() < 1e-6), "{}: {:?}", constraint.name(), errors(&c));
-        let expected = if constraint == Constraint::Full { "full" } else { "zero-skew" };
-        assert_eq!((c.method, c.constraint.as_str(), c.scene), ("rotating", expected, Some("directions")));
+        let expected = if constraint == Constraint::Full { constraint } else { Constraint::ZeroSkew };
+        assert_eq!((c.method, c.constraint, c.scene), (Method::Rotating, expected, Some(Scene::Directions)));
         assert!(c.motions.iter().all(|m| m.used), "{:?}", c.motions);
         // Pan and tilt by angles of a hand's breadth: the first pair is a pan of 20 degrees.
         assert!((c.motions[0].rotation_deg.expect("a turn") - 20.0).abs() < 1e-6);
@@ -90,7 +90,7 @@ fn a_given_lens_is_undone() {
     let options = Options { distortion: lens, ..rotating(Constraint::ZeroSkew) };
     let c = calibrate(&pairs(&PAN_TILT, &lens, 0.0, 4), options).expect("a camera");
     assert!(errors(&c).iter().all(|e| e.abs() < 1e-3), "{:?}", errors(&c));
-    assert_eq!(c.camera.distortion.source, "given");
+    assert_eq!(c.camera.distortion.source, LensSource::Given);
 }
 
 #[test]

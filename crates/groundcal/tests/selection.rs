@@ -71,7 +71,7 @@ fn general_motion_is_refused_or_covered_by_its_error_bar() {
             let names: Vec<String> = (0..count).map(|i| i.to_string()).collect();
             let c = calibrate_matches(&names, size, &pairs, &Options::default(), &Silent).ok()?;
             let sigma = c.standard_deviation.fx.expect("estimated");
-            let codes: Vec<&str> = c.warnings.iter().map(|w| w.code).collect();
+            let codes: Vec<&str> = c.warnings.iter().map(|w| w.code()).collect();
             let flagged = codes.contains(&"floors_contradict");
             ((c.camera.fx - F).abs() > 3.0 * sigma && !flagged)
                 .then(|| format!("seed {seed}: {} +- {sigma} {codes:?}", c.camera.fx))

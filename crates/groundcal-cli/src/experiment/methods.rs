@@ -16,7 +16,8 @@ use groundcal::{
         refine::HomographyEstimate,
         robust::estimate_robust,
     },
-    result::Calibration,
+    remedy::Remedy,
+    result::{Calibration, Parameter},
     select::attitude_groups::{Motion, Sides},
     start::{
         absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
@@ -75,7 +76,7 @@ impl Scores {
     }
 
     pub fn of_calibration(truth: &Intrinsics, c: &Calibration, constraint: Constraint) -> Self {
-        Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| c.covariance.matrix[i][j])
+        Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| c.covariance(Parameter::ALL[i], Parameter::ALL[j]))
     }
 }
 
@@ -114,8 +115,8 @@ pub fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<M
             robust.ransac.seed = options.seed ^ i as u64;
             let found = estimate_robust(&pair.matches, &frame, &robust)?;
             let motion = from_homography(&found.estimate).ok().map(|geometry| Motion {
-                from: pair.from,
-                to: pair.to,
+                from: pair.from.into(),
+                to: pair.to.into(),
                 geometry,
                 sides: Sides::One,
             });
@@ -132,7 +133,7 @@ pub fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<M
         return Err(Error::NoUsableMotion {
             pairs: pairs.len(),
             reason: "none shows a turn above its noise".into(),
-            remedy: "Give more matches, or turn the camera further".into(),
+            remedies: vec![Remedy::MoreMatches, Remedy::TurnFurther],
         });
     }
     Ok(out)

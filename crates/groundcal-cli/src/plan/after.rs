@@ -6,18 +6,14 @@ use groundcal::{
     calibrate::{LensModel, Options},
     error::Error,
     plan::{MIN_MATCHES, PlanOptions, Planner, Start},
-    start::{
-        absolute_conic::Constraint,
-        linear_camera::{GivenPrior, PriorParameter},
-    },
+    result::{Calibration, MotionReport, Parameter},
+    start::linear_camera::GivenPrior,
 };
 
 use crate::error::CliError;
 use crate::plan::{PlanArgs, RigReport};
-use groundcal_io::import::groundcal_json::{Calibration, Motion, Prior};
+use groundcal_io::import::groundcal_json;
 
-/// The names of the covariance's rows, in order.
-const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
 /// Least noise a plan knows, pixels: exact matches are somebody's simulation.
 const LEAST_NOISE_PX: f64 = 1e-3;
 
@@ -31,15 +27,17 @@ pub struct Known {
 
 /// Reads calibration.json, or that in a folder.
 pub fn read(path: &Path) -> Result<Known, CliError> {
-    let file = Calibration::read(path)?;
+    let file = groundcal_json::read(path)?;
     let name = path.display().to_string();
     let fail =
         |what: &str| CliError::Input(format!("{name}: {what}. Calibrate again with this version of the program"));
-    let c = file.covariance.as_ref().ok_or_else(|| fail("there is no covariance to start from"))?;
-    if c.parameters != PARAMETERS || c.matrix.len() != 7 || c.matrix.iter().any(|row| row.len() != 7) {
-        return Err(fail("the covariance is not 7 x 7 of fx, fy, cx, cy, skew, k1, k2"));
+    if !file.covariance.is_known() {
+        return Err(fail("there is no covariance to start from"));
     }
-    let covariance = Start::from_fn(|r, s| c.matrix[r][s]);
+    if let Some(p) = Parameter::ALL.iter().find(|p| !file.covariance.parameters.contains(p)) {
+        return Err(fail(&format!("there is no {p} in the covariance")));
+    }
+    let covariance = Start::from_fn(|r, s| file.covariance(Parameter::ALL[r], Parameter::ALL[s]));
     Ok(Known { covariance, name, file })
 }
 
@@ -57,12 +55,7 @@ impl Known {
     /// Camera, priors, noise and matches as this calibration has them, unless they are given.
     pub fn options(&self, args: &PlanArgs, rig: &RigReport) -> Result<PlanOptions, CliError> {
         let c = &self.file.camera;
-        let named = |n: &String| Constraint::ALL.into_iter().find(|k| k.name() == n.as_str());
-        let constraint = self.file.constraint.as_ref().and_then(named).unwrap_or(Constraint::Auto);
-        let prior = |p: &Prior| {
-            let parameter = PriorParameter::ALL.into_iter().find(|n| n.name() == p.parameter)?;
-            Some(GivenPrior { parameter, mean: p.mean, sigma: p.sigma })
-        };
+        let priors = self.file.priors.iter();
         let mut options = PlanOptions {
             intrinsics: c.intrinsics(),
             distortion: c.lens(),
@@ -72,10 +65,10 @@ impl Known {
             points: super::DEFAULT_POINTS,
             motions: args.motions.unwrap_or(2) as usize,
             calibration: Options {
-                constraint,
+                constraint: self.file.constraint,
                 lens: LensModel::K1K2,
-                priors: self.file.priors.iter().filter_map(prior).collect(),
-                attitude_sigma_deg: args.attitude_sigma_deg.or(self.file.attitude_sigma_deg),
+                priors: priors.map(|p| GivenPrior { parameter: p.parameter, mean: p.mean, sigma: p.sigma }).collect(),
+                attitude_sigma_deg: Some(args.attitude_sigma_deg.unwrap_or(self.file.attitude_sigma_deg)),
                 height_sigma: args.height_sigma.or(self.file.height_sigma),
                 ..Options::default()
             },
@@ -101,15 +94,14 @@ impl Known {
     /// refinement found them to be too small by.
     fn noise_px(&self) -> Option<f64> {
         let rms = self.file.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
-        let refinement = self.file.fit.as_ref().and_then(|f| f.refinement.as_ref());
-        let factor = refinement.and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
+        let factor = self.file.fit.refinement.as_ref().and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
         let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
         median(rms).map(|rms| (factor * rms / 2f64.sqrt()).max(LEAST_NOISE_PX))
     }
 
     /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
     fn points(&self, planner: &Planner) -> Option<f64> {
-        let of = |m: &Motion| {
+        let of = |m: &MotionReport| {
             let attitude = self.file.attitudes.get(m.attitude?)?;
             let spec = planner.motion(
                 attitude.pitch_down_deg.to_radians(),
@@ -118,7 +110,7 @@ impl Known {
             );
             let fraction = planner.shared_fraction(&spec);
             // Of a sliver that the rig's axis leaves in view nothing follows.
-            (fraction > 0.05).then_some(m.matches? / fraction)
+            (fraction > 0.05 && m.matches > 0).then_some(m.matches as f64 / fraction)
         };
         let all = self.file.motions.iter().filter(|m| m.used).filter_map(of).collect();
         median(all).map(|n| n.clamp(MIN_MATCHES, 1e6))

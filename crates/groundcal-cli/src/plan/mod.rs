@@ -10,7 +10,7 @@ use groundcal::{
     calibrate::Options,
     geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
     plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start},
-    result::{Prior, WarningReport},
+    result::{Prior, Warning, WarningReport},
     start::linear_camera::GivenPrior,
 };
 use serde::Serialize;
@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::{
     args::{ConstraintArg, DistortionArg, parse_point, parse_prior, parse_size},
     error::CliError,
+    remedies::Flags,
 };
 use groundcal_io::export;
 use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style, png, svg};
@@ -195,21 +196,6 @@ const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 
 /// Strays up to which predictions were held against simulated calibrations (crates/groundcal/tests/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
-/// Code of the plan's own warning.
-const LARGE_STRAYS: &str = "large_strays";
-
-fn large_strays(sigma_deg: f64) -> WarningReport {
-    WarningReport {
-        code: LARGE_STRAYS,
-        message: format!(
-            "tilt and roll stray by {} degrees, predictions are checked by simulation for 0.1 degrees. With much more, `calibrate` may \
-             refuse short turns: two attitudes that differ by 1.4 degrees put the axis of a 10 degree turn off by 8. Turn by 30 \
-             degrees or more, make more motions than planned, or steady the camera",
-            text::short(sigma_deg)
-        ),
-    }
-}
-
 /// Angles in degrees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Angles(Vec<f64>);
@@ -323,10 +309,10 @@ fn report(args: &PlanArgs) -> Result<Report, CliError> {
     };
     let plan: Plan = Planner::new(&options, start.as_ref())?.plan()?;
     let k = &options.intrinsics;
-    let mut warnings: Vec<WarningReport> = plan.warnings.iter().map(|w| w.report()).collect();
+    let mut warnings = plan.warnings;
     let attitude_sigma_deg = options.calibration.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG);
     if attitude_sigma_deg > CHECKED_SIGMA_DEG {
-        warnings.push(large_strays(attitude_sigma_deg));
+        warnings.push(Warning::LargeStrays { sigma_deg: attitude_sigma_deg, checked_deg: 0.1 });
     }
     Ok(Report {
         format_version: 1,
@@ -347,7 +333,7 @@ fn report(args: &PlanArgs) -> Result<Report, CliError> {
         before: plan.before,
         motions: plan.motions,
         priors: plan.priors,
-        warnings,
+        warnings: WarningReport::all(&warnings, &Flags),
     })
 }
 

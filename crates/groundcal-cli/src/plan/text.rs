@@ -3,10 +3,13 @@
 use std::fmt::Write;
 
 use clap::ValueEnum;
-use groundcal::plan::{PlannedMotion, Prediction, Shares};
+use groundcal::{
+    plan::{PlannedMotion, Prediction, Shares},
+    result::Warning,
+};
 
 use crate::args::DistortionArg;
-use crate::plan::{LARGE_STRAYS, PlanArgs, Report, RigArg};
+use crate::plan::{PlanArgs, Report, RigArg};
 use groundcal_report::text::wrapped;
 
 const WIDTH: usize = 100;
@@ -101,8 +104,9 @@ fn write_page(out: &mut String, report: &Report, args: &PlanArgs) -> std::fmt::R
     }
     for warning in &report.warnings {
         writeln!(out)?;
-        let expected = if warning.code == LARGE_STRAYS { "" } else { "expect " };
-        writeln!(out, "{}", wrapped(&format!("{expected}warning [{}]: {}", warning.code, warning.message), 0))?;
+        let expected = if matches!(warning.warning, Warning::LargeStrays { .. }) { "" } else { "expect " };
+        let code = warning.warning.code();
+        writeln!(out, "{}", wrapped(&format!("{expected}warning [{code}]: {}", warning.message), 0))?;
     }
     writeln!(out)?;
     let command = command(report, args);

@@ -10,15 +10,21 @@ pub mod ros;
 
 use std::{io::Write, path::Path};
 
-use groundcal::result::Calibration;
+use groundcal::{
+    remedy::Wording,
+    result::{Calibration, WarningReport},
+};
 
 use crate::error::IoError;
 
-/// The calibration as JSON (docs/formats.md).
-pub fn json(calibration: &Calibration) -> Result<String, IoError> {
-    serde_json::to_string_pretty(calibration)
-        .map(|text| text + "\n")
-        .map_err(|e| IoError::Other(format!("cannot write the calibration as JSON: {e}")))
+/// The calibration as JSON (docs/formats.md), its warnings in the words of a front end.
+pub fn json(calibration: &Calibration, wording: &dyn Wording) -> Result<String, IoError> {
+    let text = || {
+        let mut value = serde_json::to_value(calibration)?;
+        value["warnings"] = serde_json::to_value(WarningReport::all(&calibration.warnings, wording))?;
+        serde_json::to_string_pretty(&value)
+    };
+    text().map(|text| text + "\n").map_err(|e| IoError::Other(format!("cannot write the calibration as JSON: {e}")))
 }
 
 /// Writes a file whole or not at all: to a temporary neighbour first, then renamed.

@@ -11,13 +11,14 @@ pub mod truth_json;
 
 use std::path::{Path, PathBuf};
 
-use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize};
+use groundcal::{
+    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    result::{Covariance, Parameter},
+};
 use node::Node;
 
 use crate::error::IoError;
 
-/// Order of the parameters that have errors.
-pub const PARAMETERS: [&str; 7] = ["fx", "fy", "cx", "cy", "skew", "k1", "k2"];
 /// What is read, for messages.
 const READ: &str = "calibration.json and truth.json of this program, OpenCV (YAML or XML), ROS camera_info, Kalibr camchain, \
                     COLMAP cameras.txt and transforms.json are read";
@@ -41,8 +42,8 @@ pub struct ImportedCamera {
     pub distortion: Distortion,
     /// Radial coefficient of sixth order.
     pub k3: f64,
-    /// Covariance of [`PARAMETERS`] (rows of what was held are zero), where the file has errors.
-    pub covariance: Option<[[f64; 7]; 7]>,
+    /// Covariance (rows of what was held are zero), where the file has errors.
+    pub covariance: Option<Covariance<Parameter>>,
 }
 
 impl ImportedCamera {
@@ -163,7 +164,7 @@ fn parse(text: &str) -> Result<Vec<ImportedCamera>, String> {
     if text.starts_with('{') {
         let value: serde_json::Value = serde_json::from_str(text).map_err(|e| format!("damaged JSON: {e}"))?;
         return match &value {
-            v if v.get("format_version").is_some() => groundcal_json::camera(text).map(|c| vec![c]),
+            v if groundcal_json::looks_like_it(v) => groundcal_json::camera(text).map(|c| vec![c]),
             v if v.get("fl_x").is_some() || v.get("frames").is_some() => nerfstudio::camera(v).map(|c| vec![c]),
             v if v.get("image_size").is_some() && v.get("fx").is_some() => truth_json::camera(text).map(|c| vec![c]),
             _ => Err(format!(

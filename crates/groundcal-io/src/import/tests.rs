@@ -75,13 +75,15 @@ fn models_of_colmap_and_errors_of_ours() {
     assert_eq!(all[5].k3, 0.005);
     // Rows by name, wherever they stand.
     let covariance = one(OURS).covariance.unwrap();
-    assert_eq!((covariance[0][0], covariance[0][5], covariance[5][5], covariance[1][1]), (4.0, 0.1, 0.01, 0.0));
+    let (fx, fy, k1) = (Parameter::Fx, Parameter::Fy, Parameter::K1);
+    let found = [covariance.variance(fx), covariance.get(fx, k1), covariance.variance(k1), covariance.variance(fy)];
+    assert_eq!(found, [4.0, 0.1, 0.01, 0.0]);
     let sigmas = OURS.replace(
         r#""covariance": {"parameters": ["fx", "k1"], "matrix": [[4.0, 0.1], [0.1, 0.01]]}"#,
         r#""standard_deviation": {"fx": 2.0, "fy": null, "cx": null, "cy": null, "skew": null, "k1": 0.5, "k2": null}"#,
     );
     let covariance = one(&sigmas).covariance.unwrap();
-    assert_eq!((covariance[0][0], covariance[5][5], covariance[0][5]), (4.0, 0.25, 0.0));
+    assert_eq!((covariance.variance(fx), covariance.variance(k1), covariance.get(fx, k1)), (4.0, 0.25, 0.0));
 }
 
 /// The message says all these words.

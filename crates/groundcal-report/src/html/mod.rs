@@ -9,15 +9,15 @@ mod svg;
 
 use std::fmt::Write;
 
-use groundcal::{result::Calibration, vision::image::GrayImage};
+use groundcal::{remedy::Wording, result::Calibration, vision::image::GrayImage};
 
 use crate::error::ReportError;
 use pictures::Pictures;
 use svg::escape;
 
 /// The page. `images` in the order of the calibration's evidence; none for matches from elsewhere.
-pub fn html(c: &Calibration, images: &[GrayImage]) -> Result<String, ReportError> {
-    let mut model = model::model(c);
+pub fn html(c: &Calibration, images: &[GrayImage], wording: &dyn Wording) -> Result<String, ReportError> {
+    let mut model = model::model(c, wording);
     let pictures = if images.is_empty() {
         Pictures::default()
     } else {

@@ -23,7 +23,7 @@ use crate::{
         size::ImageSize,
     },
     refine::VIEW_NUMBERS,
-    result::{Camera, ViewReport},
+    result::{Camera, FloorHomography, ViewReport},
 };
 
 /// Sides of the polygon that stands for the circle of the largest distance.
@@ -67,6 +67,19 @@ impl FloorView {
             rotation: rotation_cam_from_world(view.pitch_down_rad, view.roll_rad, view.yaw_rad),
             centre: view.centre,
         })
+    }
+
+    /// Points of the floor from ideal pixels, with the covariance that follows from that of the camera and the view: of fx, fy, cx, cy,
+    /// skew (pixels), k1, k2, pitch, roll, yaw (radians), x, y and height.
+    pub fn homography_with_covariance(&self, covariance: &SMatrix<f64, VIEW_NUMBERS, VIEW_NUMBERS>) -> FloorHomography {
+        let by = self
+            .derivative_by_numbers(|v| SVector::<f64, 9>::from_row_slice(v.floor_from_image().transpose().as_slice()));
+        let h = self.floor_from_image();
+        let c = by * covariance * by.transpose();
+        FloorHomography {
+            matrix: std::array::from_fn(|r| std::array::from_fn(|c| h[(r, c)])),
+            covariance: std::array::from_fn(|r| std::array::from_fn(|s| 0.5 * (c[(r, s)] + c[(s, r)]))),
+        }
     }
 
     /// A view of a calibration, in the floor's unit of its positions.

@@ -9,6 +9,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::observer::{Observer, Silent};
+
 /// Cost, gradient and Gauss-Newton matrix at a state.
 pub struct NormalEquations {
     /// Half the weighted sum of squared residuals.
@@ -103,6 +105,8 @@ pub enum StopReason {
     MaxIterations,
     /// No damping gave a lower cost, with the predicted decrease still noticeable; or an undamped step left the model.
     Stalled,
+    /// The observer said so.
+    Stopped,
 }
 
 /// The best state found and how it was reached.
@@ -125,6 +129,16 @@ pub fn minimise<P: LeastSquares>(
     start: P::State,
     options: &LmOptions,
 ) -> Option<LmOutput<P::State, P::Linearised>> {
+    minimise_until(problem, start, options, &Silent)
+}
+
+/// The same under an observer's eyes, which is asked before each step whether to stop ([`StopReason::Stopped`]).
+pub(crate) fn minimise_until<P: LeastSquares>(
+    problem: &P,
+    start: P::State,
+    options: &LmOptions,
+    observer: &dyn Observer,
+) -> Option<LmOutput<P::State, P::Linearised>> {
     let mut state = start;
     let mut at = problem.linearise(&state)?;
     let undamped = options.descent == Descent::Undamped;
@@ -133,6 +147,10 @@ pub fn minimise<P: LeastSquares>(
     let mut iterations = 0;
     let mut stop = StopReason::MaxIterations;
     while iterations < options.max_iterations {
+        if observer.stopped() {
+            stop = StopReason::Stopped;
+            break;
+        }
         iterations += 1;
         let solved = at.solve(lambda).filter(|s| s.step.iter().all(|v| v.is_finite()));
         let Some(DampedStep { step, predicted_decrease }) = solved else {

@@ -16,12 +16,13 @@ use rayon::prelude::*;
 use crate::{
     geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
     numerics::{
-        levenberg_marquardt::{Descent, LeastSquares, LmOptions, NormalEquations, StopReason, minimise},
+        levenberg_marquardt::{Descent, LeastSquares, LmOptions, NormalEquations, StopReason, minimise_until},
         linalg::{rows_of, sphere_tangent},
     },
+    observer::{Observer, Silent},
     pairs::{
         correspondence::PointMatch,
-        refine::{RefineOptions, linearise, refine},
+        refine::{RefineOptions, linearise, refine_until},
     },
 };
 
@@ -121,14 +122,28 @@ pub fn estimate_lens(
     start: &Lens,
     prior: &LensPrior,
 ) -> Option<LensEstimate> {
-    let problem = LensProblem { motions, frame, start, prior_information: prior.information() };
+    estimate_lens_until(motions, frame, start, prior, &Silent)
+}
+
+/// The same under an observer's eyes; `None` also when it says stop.
+pub(crate) fn estimate_lens_until(
+    motions: &[&[PointMatch]],
+    frame: &Frame,
+    start: &Lens,
+    prior: &LensPrior,
+    observer: &dyn Observer,
+) -> Option<LensEstimate> {
+    let problem = LensProblem { motions, frame, start, prior_information: prior.information(), observer };
     let options = LmOptions {
         descent: Descent::Undamped,
         max_iterations: ROUNDS,
         relative_cost_tolerance: 0.0,
         step_tolerance: STEP_TOLERANCE,
     };
-    let out = minimise(&problem, *start, &options).filter(|out| out.stop != StopReason::Stalled)?;
+    let out = minimise_until(&problem, *start, &options, observer)?;
+    if matches!(out.stop, StopReason::Stalled | StopReason::Stopped) {
+        return None;
+    }
     let information = out.linearised.information.fixed_view::<4, 4>(0, 0).into_owned();
     Some(LensEstimate { lens: out.state, covariance: information.try_inverse()? })
 }
@@ -139,6 +154,7 @@ struct LensProblem<'a> {
     frame: &'a Frame,
     start: &'a Lens,
     prior_information: Vector4<f64>,
+    observer: &'a dyn Observer,
 }
 
 impl LeastSquares for LensProblem<'_> {
@@ -151,8 +167,12 @@ impl LeastSquares for LensProblem<'_> {
     }
 
     fn linearise(&self, lens: &Lens) -> Option<NormalEquations> {
-        let parts: Vec<Option<(Vector4<f64>, Matrix4<f64>)>> =
-            self.motions.par_iter().map(|matches| reduced_equations(matches, self.frame, lens)).collect();
+        let parts: Vec<Option<(Vector4<f64>, Matrix4<f64>)>> = self
+            .motions
+            .par_iter()
+            .map(|matches| reduced_equations(matches, self.frame, lens, self.observer))
+            .collect();
+        self.observer.go_on().ok()?;
         let (mut gradient, mut normal) = (Vector4::zeros(), Matrix4::zeros());
         for (g, a) in parts.into_iter().flatten() {
             gradient += g;
@@ -175,11 +195,16 @@ impl LeastSquares for LensProblem<'_> {
 }
 
 /// Gradient and information of θ of one motion, its homography eliminated, in units of its noise.
-fn reduced_equations(matches: &[PointMatch], frame: &Frame, lens: &Lens) -> Option<(Vector4<f64>, Matrix4<f64>)> {
+fn reduced_equations(
+    matches: &[PointMatch],
+    frame: &Frame,
+    lens: &Lens,
+    observer: &dyn Observer,
+) -> Option<(Vector4<f64>, Matrix4<f64>)> {
     let stride = matches.len().div_ceil(ENOUGH).max(1);
     // A point beyond the fold of a lens on the way has no ideal place; it is back when the lens is better.
     let ideal: Vec<PointMatch> = matches.iter().step_by(stride).filter_map(|m| lens.ideal_match(m)).collect();
-    let estimate = refine(&ideal, None, frame, &RefineOptions::default()).ok()?;
+    let estimate = refine_until(&ideal, None, frame, &RefineOptions::default(), observer).ok()?;
     let tangent = sphere_tangent(&rows_of(&estimate.in_frame));
     const STEP: f64 = 1e-4;
     let shifted: Vec<[Lens; 2]> = (0..4)

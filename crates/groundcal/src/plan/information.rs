@@ -196,7 +196,7 @@ mod tests {
     fn a_chain_of_motions_is_worth_more_than_one() {
         let size = ImageSize::new(640, 480);
         let frame = Frame::new(size, None);
-        let camera = CameraState::new(&Intrinsics::square(600.0, 319.5, 239.5), &Lens::None, &frame);
+        let camera = CameraState::new(&Intrinsics::square(600.0, 319.5, 239.5), &Lens::radial(0.0, 0.0), &frame);
         let options = Options::default().assumptions(size);
         let setting = Setting {
             size,
@@ -230,7 +230,7 @@ mod tests {
         let size = ImageSize::new(1280, 960);
         let frame = Frame::new(size, None);
         let k = Intrinsics { fx: 1000.0, fy: 1010.0, cx: 649.5, cy: 469.5, skew: 0.0 };
-        let camera = CameraState::new(&k, &Lens::None, &frame);
+        let camera = CameraState::new(&k, &Lens::radial(0.0, 0.0), &frame);
         let options = Options {
             constraint: Constraint::ZeroSkew,
             attitude_sigma_deg: Some(0.0),

@@ -20,9 +20,10 @@ use serde::Serialize;
 use crate::{
     calibrate::Options,
     error::Error,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{constraint::Constraint, distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
     numerics::linalg::inverse_spd,
     refine::{CameraState, bundle::pixels_by_camera},
+    remedy::Remedy,
     result::{PrincipalPointDoubt, Prior, StandardDeviation, Warning},
     start::linear_camera::{PriorParameter, check_certainty},
     synthetic::points::MotionSpec,
@@ -359,8 +360,8 @@ impl Planner {
         (vec![i; sums.len()], sums)
     }
 
-    fn undetermined(&self, direction: String, remedy: &str) -> Error {
-        Error::Undetermined { constraint: self.calibration.constraint.name(), direction, remedy: remedy.into() }
+    fn undetermined(&self, direction: String, remedies: Vec<Remedy>) -> Error {
+        Error::Undetermined { constraint: self.calibration.constraint.name(), direction, remedies }
     }
 
     /// What can be said before anything is computed.
@@ -374,7 +375,7 @@ impl Planner {
                      focal length",
                     largest.to_degrees()
                 ),
-                "Let it turn by 15 degrees or more between two pictures (--max-turn-deg)",
+                vec![Remedy::AllowLargerTurns],
             ));
         }
         if rig.pitches_down_rad.iter().all(|p| p.abs() > STRAIGHT_DOWN_RAD) {
@@ -382,7 +383,7 @@ impl Planner {
                 "the camera looks straight down on the floor in every picture, which says nothing of the focal length or the \
                  principal point, whatever the roll"
                     .into(),
-                "Tilt the camera to 30 to 60 degrees below the horizon (--tilts-deg)",
+                vec![Remedy::AllowTilts],
             ));
         }
         let needed = self.calibration.constraint.attitudes_needed();
@@ -394,7 +395,7 @@ impl Planner {
                 needed,
                 motions: self.motions,
                 attitudes,
-                alternative: "`--constraint auto`, `focal` or `fixed-pp`".into(),
+                alternatives: vec![Constraint::Auto, Constraint::Focal, Constraint::FixedPrincipalPoint],
             });
         }
         Ok(())
@@ -445,8 +446,7 @@ impl Planner {
                     100.0 * overlap,
                     100.0 * MIN_OVERLAP
                 ),
-                "Tilt the camera further down, turn it less, bring the axis of the turn nearer to the camera, or find a floor with \
-                 more texture",
+                vec![Remedy::ShowMoreFloor],
             ));
         }
         Ok(found)
@@ -457,21 +457,19 @@ impl Planner {
         let singular = || {
             self.undetermined(
                 format!("the motions do not tell its {} unknowns apart", self.calibration.constraint.unknowns()),
-                "Vary tilt and roll more, add motions, or use a stronger constraint (`--constraint auto` or `focal`)",
+                unclear(),
             )
         };
         let free = &self.setting.free;
         let c = inverse_free(information, free).filter(|c| c[(0, 0)] < HOPELESS * HOPELESS).ok_or_else(singular)?;
         let of_matrix = c.fixed_view::<5, 5>(0, 0).into_owned();
         check_certainty(&of_matrix, self.calibration.constraint, 1, &self.setting.frame).map_err(
-            |error| {
-                match error {
-            Error::Undetermined { direction, .. } => self.undetermined(
-                direction.replacen("1 attitude would give", "the motions planned would give", 1),
-                "Vary tilt and roll more, add motions, or use a stronger constraint (`--constraint auto` or `focal`)",
-            ),
-            error => error,
-        }
+            |error| match error {
+                Error::Undetermined { direction, .. } => self.undetermined(
+                    direction.replacen("1 attitude would give", "the motions planned would give", 1),
+                    unclear(),
+                ),
+                error => error,
             },
         )?;
         let jacobian = pixels_by_camera(&self.intrinsics, &self.setting.frame);
@@ -518,7 +516,7 @@ impl Planner {
                 _ => (mean, 1.0),
             };
             Some(Prior {
-                parameter: PriorParameter::ALL[i].name(),
+                parameter: PriorParameter::ALL[i],
                 mean: value,
                 sigma: sigma * unit,
                 posterior_over_prior: covariance[(i, i)].sqrt() / sigma,
@@ -550,12 +548,19 @@ impl Planner {
             }
         }
         // A good camera's aspect ratio and a lens without distortion are no news.
-        let matters = |p: &&Prior| !["aspect", "k1", "k2"].contains(&p.parameter);
+        let matters =
+            |p: &&Prior| ![PriorParameter::Aspect, PriorParameter::K1, PriorParameter::K2].contains(&p.parameter);
         for p in priors.iter().filter(matters).filter(|p| p.posterior_over_prior > PRIOR_DECIDES) {
             out.push(Warning::PriorDecides { parameter: p.parameter, posterior_over_prior: p.posterior_over_prior });
         }
         out
     }
+}
+
+/// What to do where the motions of a plan leave the camera open.
+fn unclear() -> Vec<Remedy> {
+    let any_of = vec![Constraint::Auto, Constraint::Focal];
+    vec![Remedy::VaryTiltAndRoll, Remedy::MoreMotions, Remedy::UseConstraint { any_of }]
 }
 
 /// Variance (frame units) below which a number of a calibration was held: rounding of what is tied.

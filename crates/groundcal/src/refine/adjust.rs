@@ -4,9 +4,10 @@
 use crate::{
     error::Error,
     numerics::{
-        levenberg_marquardt::{LmOutput, minimise},
+        levenberg_marquardt::{LmOutput, minimise_until},
         skyline::SkylineCholesky,
     },
+    observer::{Observer, Silent},
     refine::{
         blocks::{BundleOptions, State},
         bundle::Bundle,
@@ -39,14 +40,25 @@ pub fn adjust(
     starts: Vec<State>,
     options: &BundleOptions,
 ) -> Result<Bundle, Error> {
+    adjust_until(scene, tracks, starts, options, &Silent)
+}
+
+/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
+pub(crate) fn adjust_until(
+    scene: SceneModel,
+    tracks: &[Track],
+    starts: Vec<State>,
+    options: &BundleOptions,
+    observer: &dyn Observer,
+) -> Result<Bundle, Error> {
     let mut rounds = Rounds::new(scene, tracks, starts, options)?;
     for round in 1.. {
-        let fit = rounds.minimised()?;
+        let fit = rounds.minimised(observer)?;
         let weighing = rounds.weighing(&fit)?;
         let components = rounds.components.updated(&rounds.problem, &fit.out.state, &fit.factor, options);
         let rests = rounds.cameras_rest(&fit) & weighing.rests(rounds.effects) & components.rest(&rounds.components);
         if rests || round == ROUNDS {
-            return Ok(rounds.finish(fit, &weighing, &components));
+            return rounds.finish(fit, &weighing, &components, observer);
         }
         rounds.advance(&fit, &weighing, components);
     }
@@ -114,12 +126,14 @@ impl<'a> Rounds<'a> {
     }
 
     /// Follows every start to its minimum under the weights and components in force.
-    fn minimised(&mut self) -> Result<Fit, Error> {
+    fn minimised(&mut self, observer: &dyn Observer) -> Result<Fit, Error> {
         let (attitude, height) = (self.components.attitude.sigma, self.components.height.sigma);
         (self.problem.attitude_sigma_rad, self.problem.height_sigma) = (attitude, height);
         let mut best: Option<LmOutput<State, Reduced>> = None;
         for state in &mut self.states {
-            let Some(next) = minimise(&self.problem, state.clone(), &self.options.lm) else { continue };
+            let next = minimise_until(&self.problem, state.clone(), &self.options.lm, observer);
+            observer.go_on()?;
+            let Some(next) = next else { continue };
             self.iterations += next.iterations;
             *state = next.state.clone();
             if best.as_ref().is_none_or(|b| next.cost < b.cost) {
@@ -160,7 +174,13 @@ impl<'a> Rounds<'a> {
     }
 
     /// Covariances and what else is reported.
-    fn finish(self, fit: Fit, weighing: &Weighing, components: &VarianceComponents) -> Bundle {
+    fn finish(
+        self,
+        fit: Fit,
+        weighing: &Weighing,
+        components: &VarianceComponents,
+        observer: &dyn Observer,
+    ) -> Result<Bundle, Error> {
         let (problem, tracks) = (&self.problem, self.tracks);
         let Fit { out, factor, squared_residuals } = fit;
         // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
@@ -168,12 +188,13 @@ impl<'a> Rounds<'a> {
         let student = if dof > 4.0 { dof / (dof - 2.0) } else { 2.0 };
         let given = self.options.attitude_sigma_rad.is_some();
         let unexplained = if given { disagreement(components.agreement) } else { 1.0 };
-        let nonlinear = profile_widening(problem, &out.state, out.cost, &factor, &self.options.lm);
+        let nonlinear = profile_widening(problem, &out, &factor, &self.options.lm, observer);
+        observer.go_on()?;
         let widened = student * unexplained * nonlinear * nonlinear;
         let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };
         let observations_of =
             |k: usize| tracks.iter().filter(|t| t.kind as usize == k).map(|t| t.observations.len()).sum();
-        Bundle {
+        Ok(Bundle {
             scene: problem.scene,
             cameras: solution.cameras(),
             rig: solution.rig(),
@@ -192,7 +213,7 @@ impl<'a> Rounds<'a> {
             iterations: self.iterations,
             stop: out.stop,
             state: out.state,
-        }
+        })
     }
 }
 

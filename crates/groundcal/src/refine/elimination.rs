@@ -26,21 +26,29 @@ struct Elimination {
     right: [f64; 2],
 }
 
+/// Numbers that are worked on at once: rows are padded with zeros to a multiple.
+const LANES: usize = 4;
+
+/// Where a row of a lower triangle begins, each row padded to a multiple of [`LANES`].
+fn row_start(row: usize) -> usize {
+    let (blocks, beyond) = (row / LANES, row % LANES);
+    LANES * (blocks + 1) * (LANES / 2 * blocks + beyond)
+}
+
 /// A chunk's part of the reduced equations.
 pub(crate) struct Part {
     cluster: usize,
     cost: f64,
     /// Half the squared residual that the points alone take away.
     by_points: f64,
-    /// Lower triangle by rows.
-    information: Vec<f64>,
-    gradient: Vec<f64>,
+    /// Lower triangle of the information, by [`row_start`]; the gradient is the row after its last.
+    equations: Vec<f64>,
     eliminations: Vec<Elimination>,
     /// Two rows of Qᵀ J a track, one after the other.
     rows: Vec<f64>,
 }
 
-/// The rows of a track's observations, two each: derivatives by the cluster's columns, residual, derivatives by the point (2).
+/// The rows of a track's observations, two each: derivatives by the cluster's columns, residual, padding, derivatives by the point (2).
 pub(crate) struct TrackRows {
     rows: Vec<f64>,
     columns: usize,
@@ -49,13 +57,13 @@ pub(crate) struct TrackRows {
 
 impl TrackRows {
     pub(crate) fn new(cluster: &Cluster) -> Self {
-        let columns = cluster.columns.len();
-        let rows = vec![0.0; 2 * cluster.images.len() * (columns + 3)];
-        Self { rows, columns, reflections: Reflections::default() }
+        let mut new = Self { rows: Vec::new(), columns: cluster.columns.len(), reflections: Reflections::default() };
+        new.rows.resize(2 * cluster.images.len() * new.width(), 0.0);
+        new
     }
 
     fn width(&self) -> usize {
-        self.columns + 3
+        (self.columns + 1).next_multiple_of(LANES) + 2
     }
 
     pub(crate) fn clear(&mut self) {
@@ -90,8 +98,8 @@ impl ObservationRows<'_> {
 
     /// Sets the derivatives by one of the point's two coordinates, whitened.
     pub(crate) fn set_point(&mut self, coordinate: usize, (x, y): (f64, f64), [a, b, d]: [f64; 3]) {
-        self.x[self.columns + 1 + coordinate] = a * x + b * y;
-        self.y[self.columns + 1 + coordinate] = d * y;
+        let at = self.x.len() - 2 + coordinate;
+        (self.x[at], self.y[at]) = (a * x + b * y, d * y);
     }
 
     /// Sets the residual, weighted.
@@ -107,8 +115,7 @@ impl Part {
             cluster,
             cost: 0.0,
             by_points: 0.0,
-            information: vec![0.0; columns * (columns + 1) / 2],
-            gradient: vec![0.0; columns],
+            equations: vec![0.0; row_start(columns + 1)],
             eliminations: Vec::with_capacity(tracks),
             rows: Vec::with_capacity(2 * columns * tracks),
         }
@@ -137,38 +144,38 @@ impl Part {
         self.rows.extend_from_slice(&of_point[..n]);
         self.rows.extend_from_slice(&of_point[width..width + n]);
         if long {
-            self.add(of_point.split_at(width), n, -1.0);
+            self.add(of_point.split_at(width), -1.0);
         } else {
             for pair in rows.rows.chunks_exact(2 * width).skip(1) {
-                self.add(pair.split_at(width), n, 1.0);
+                self.add(pair.split_at(width), 1.0);
             }
         }
         Some(())
     }
 
-    /// Adds (or takes away) the outer products of two rows of J (n columns, then the residual) and their products with the residuals.
-    fn add(&mut self, (first, second): (&[f64], &[f64]), n: usize, sign: f64) {
-        let (r, s) = (first[n], second[n]);
-        let mut at = 0;
-        for (i, gradient) in self.gradient.iter_mut().enumerate() {
-            let (a, b) = (sign * first[i], sign * second[i]);
-            *gradient += a * r + b * s;
-            let sums = &mut self.information[at..=at + i];
-            for ((sum, x), y) in sums.iter_mut().zip(&first[..=i]).zip(&second[..=i]) {
-                *sum += a * x + b * y;
+    /// Adds (or takes away) the outer products of two rows of J and the residual.
+    fn add(&mut self, (first, second): (&[f64], &[f64]), sign: f64) {
+        let [x, y] = [first, second].map(|row| row.as_chunks::<LANES>().0);
+        let mut rest = self.equations.as_chunks_mut::<LANES>().0;
+        let mut row = 0;
+        while !rest.is_empty() {
+            let (a, b) = (sign * first[row], sign * second[row]);
+            let (sums, below) = rest.split_at_mut(row / LANES + 1);
+            for ((sum, x), y) in sums.iter_mut().zip(x).zip(y) {
+                for lane in 0..LANES {
+                    sum[lane] += a * x[lane] + b * y[lane];
+                }
             }
-            at += i + 1;
+            (rest, row) = (below, row + 1);
         }
     }
 
-    /// The same for rows that have entries at `occupied` only, ascending.
-    fn add_sparse(&mut self, (first, second): (&[f64], &[f64]), occupied: &[usize], n: usize) {
-        let (r, s) = (first[n], second[n]);
-        for (k, &row) in occupied.iter().enumerate() {
+    /// The same for rows that have entries at `occupied` only, ascending, and the residual.
+    fn add_sparse(&mut self, (first, second): (&[f64], &[f64]), occupied: &[usize], residual: usize) {
+        for (k, &row) in occupied.iter().chain([&residual]).enumerate() {
             let (a, b) = (first[row], second[row]);
-            self.gradient[row] += a * r + b * s;
-            let sums = &mut self.information[row * (row + 1) / 2..];
-            for &column in &occupied[..=k] {
+            let sums = &mut self.equations[row_start(row)..row_start(row + 1)];
+            for &column in &occupied[..(k + 1).min(occupied.len())] {
                 sums[column] += a * first[column] + b * second[column];
             }
         }
@@ -182,7 +189,7 @@ struct Reflections {
     /// (v, w), a row each.
     vectors: Vec<[f64; 2]>,
     /// v times the columns, and w.
-    products: [Vec<f64>; 2],
+    products: [Vec<[f64; LANES]>; 2],
 }
 
 impl Reflections {
@@ -202,21 +209,25 @@ impl Reflections {
         let [by_v, by_w] = &mut self.products;
         for products in [&mut *by_v, &mut *by_w] {
             products.clear();
-            products.resize(active, 0.0);
+            products.resize(active / LANES, [0.0; LANES]);
         }
         for (row, [v, w]) in rows.chunks_exact(width).zip(&self.vectors) {
-            for ((value, p), q) in row[..active].iter().zip(by_v.iter_mut()).zip(by_w.iter_mut()) {
-                *p += v * value;
-                *q += w * value;
+            for ((values, p), q) in row.as_chunks::<LANES>().0.iter().zip(by_v.iter_mut()).zip(by_w.iter_mut()) {
+                for lane in 0..LANES {
+                    p[lane] += v * values[lane];
+                    q[lane] += w * values[lane];
+                }
             }
         }
-        for (p, q) in by_v.iter_mut().zip(by_w.iter_mut()) {
+        for (p, q) in by_v.iter_mut().flatten().zip(by_w.iter_mut().flatten()) {
             *p *= beta;
             *q = gamma * (*q - common * *p);
         }
         for (row, [v, w]) in rows.chunks_exact_mut(width).zip(&self.vectors) {
-            for ((value, p), q) in row[..active].iter_mut().zip(by_v.iter()).zip(by_w.iter()) {
-                *value -= v * p + w * q;
+            for ((values, p), q) in row.as_chunks_mut::<LANES>().0.iter_mut().zip(by_v.iter()).zip(by_w.iter()) {
+                for lane in 0..LANES {
+                    values[lane] -= v * p[lane] + w * q[lane];
+                }
             }
         }
         Some([first, corner, second])
@@ -259,12 +270,13 @@ impl Reduced {
             cost += part.cost;
             by_points += part.by_points;
             let columns = &clusters[part.cluster].columns;
-            let mut values = part.information.iter();
             for (i, &row) in columns.iter().enumerate() {
-                gradient[row] += part.gradient[i];
-                for (&column, value) in columns[..=i].iter().zip(&mut values) {
+                for (&column, value) in columns[..=i].iter().zip(&part.equations[row_start(i)..]) {
                     information.add(row, column, *value);
                 }
+            }
+            for (&column, value) in columns.iter().zip(&part.equations[row_start(columns.len())..]) {
+                gradient[column] += value;
             }
         }
         let columns = clusters.iter().map(|c| c.columns.clone()).collect();
@@ -313,6 +325,15 @@ mod tests {
     use nalgebra::DMatrix;
 
     use super::*;
+
+    #[test]
+    fn rows_of_a_triangle_follow_each_other() {
+        let mut start = 0;
+        for row in 0..40 {
+            assert_eq!(row_start(row), start);
+            start += (row + 1).next_multiple_of(LANES);
+        }
+    }
 
     #[test]
     fn reflections_are_orthogonal_and_leave_nothing_of_the_point() {

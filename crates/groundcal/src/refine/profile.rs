@@ -2,11 +2,12 @@
 
 use crate::{
     numerics::{
-        levenberg_marquardt::{LmOptions, minimise},
+        levenberg_marquardt::{LmOptions, LmOutput, minimise_until},
         skyline::SkylineCholesky,
         statistics::NORMAL_95,
     },
-    refine::{blocks::State, problem::Problem},
+    observer::Observer,
+    refine::{blocks::State, elimination::Reduced, problem::Problem},
 };
 
 /// Standard deviation of ln f from which on the shape of the likelihood is looked at.
@@ -23,22 +24,22 @@ const FARTHEST: f64 = 1.1;
 /// have risen by what belongs to 95 % at the ends (profile likelihood). Only where the bar is wide; 1: the bar holds.
 pub(crate) fn profile_widening(
     problem: &Problem,
-    state: &State,
-    cost: f64,
+    best: &LmOutput<State, Reduced>,
     factor: &SkylineCholesky,
     lm: &LmOptions,
+    observer: &dyn Observer,
 ) -> f64 {
-    let of_camera = |camera: usize| widening_of(camera, problem, state, cost, factor, lm);
-    (0..state.cameras.len()).map(of_camera).fold(1.0, f64::max)
+    let of_camera = |camera: usize| widening_of(camera, problem, best, factor, lm, observer);
+    (0..best.state.cameras.len()).map(of_camera).fold(1.0, f64::max)
 }
 
 fn widening_of(
     camera: usize,
     problem: &Problem,
-    state: &State,
-    cost: f64,
+    best: &LmOutput<State, Reduced>,
     factor: &SkylineCholesky,
     lm: &LmOptions,
+    observer: &dyn Observer,
 ) -> f64 {
     let Some(column) = problem.layout.cameras[camera].column(0) else { return 1.0 };
     let sigma = factor.inverse_block(&[column])[(0, 0)].sqrt();
@@ -52,18 +53,18 @@ fn widening_of(
         held.cameras[camera].matrix_priors[0] = Some((ln_f, STIFFNESS));
         let mut start = from.clone();
         start.cameras[camera].matrix[0] = ln_f;
-        let out = minimise(&held, start, lm)?;
+        let out = minimise_until(&held, start, lm, observer)?;
         Some((out.cost + prior_cost(ln_f), out.state))
     };
-    let best = state.cameras[camera].matrix[0];
+    let (state, ln_f) = (&best.state, best.state.cameras[camera].matrix[0]);
     let mut widest: f64 = 1.0;
     for side in [-1.0, 1.0] {
         let mut from = state.clone();
         let mut factor = 1.0;
         // Outwards in steps until the cost has risen.
         while factor * NORMAL_95 * sigma < FARTHEST {
-            let Some((at, next)) = cost_at(&from, best + side * factor * NORMAL_95 * sigma) else { break };
-            if at - cost >= RISE {
+            let Some((at, next)) = cost_at(&from, ln_f + side * factor * NORMAL_95 * sigma) else { break };
+            if at - best.cost >= RISE {
                 break;
             }
             from = next;

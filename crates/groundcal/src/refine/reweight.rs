@@ -134,12 +134,20 @@ impl Problem {
                 }
             }
         }
+        let between = |[first, image]: &[(usize, usize); 2]| [first.0, image.0];
+        let mut pairs_between: BTreeMap<(usize, [usize; 2]), usize> = BTreeMap::new();
+        for (kind, images) in cells.keys() {
+            *pairs_between.entry((*kind, between(images))).or_default() += 1;
+        }
         let (mut squares, mut expected, mut degrees_of_freedom) = ([0.0; KINDS], [0.0; KINDS], [0.0; KINDS]);
-        for ((kind, _), pair) in &cells {
+        for ((kind, images), pair) in &cells {
             let full = || pair.iter().filter(|c| c.count >= CELL_COUNT);
             let numbers = 2.0 * full().count() as f64;
-            // What a homography of its own would follow is not in the residuals.
-            let left = numbers - 8.0;
+            // What a homography of its own would follow is not in the residuals. The cameras of a rig have one between two frames
+            // in common, and none of their own within a frame.
+            let frames = between(images);
+            let shared_by = pairs_between[&(*kind, frames)] as f64;
+            let left = numbers - if frames[0] == frames[1] { 0.0 } else { 8.0 / shared_by };
             if left <= 0.0 {
                 continue;
             }

@@ -11,7 +11,7 @@ use groundcal::{
         distortion::Distortion,
         frame::Frame,
     },
-    result::{AttitudeReport, Calibration},
+    result::{AttitudeReport, Calibration, Parameter},
     start::absolute_conic::{parameters_of, residual},
 };
 use nalgebra::{Complex, DMatrix, Vector3};
@@ -131,11 +131,12 @@ pub fn conic(c: &Calibration) -> Option<Conic> {
 /// Names of the free numbers, singular values of the attitudes' equations in units of the largest, and the weakest combination.
 fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
     let names = ["ln fx", "ln fy/fx", "cx", "cy", "skew"];
-    let m = &c.covariance.matrix;
+    let m = c.covariance.of(&Parameter::ALL);
     let (fx, fy) = (c.camera.fx, c.camera.fy);
-    let ratio = m[0][0] / (fx * fx) + m[1][1] / (fy * fy) - 2.0 * m[0][1] / (fx * fy);
+    let ratio = m[(0, 0)] / (fx * fx) + m[(1, 1)] / (fy * fy) - 2.0 * m[(0, 1)] / (fx * fy);
     // An aspect ratio that is held leaves rounding only.
-    let free = [m[0][0] > 0.0, ratio > 1e-9 * m[0][0] / (fx * fx), m[2][2] > 0.0, m[3][3] > 0.0, m[4][4] > 0.0];
+    let free =
+        [m[(0, 0)] > 0.0, ratio > 1e-9 * m[(0, 0)] / (fx * fx), m[(2, 2)] > 0.0, m[(3, 3)] > 0.0, m[(4, 4)] > 0.0];
     let columns: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
     let frame = Frame::new(c.camera.size(), None);
     let parameters = parameters_of(&frame.intrinsics_from_pixel(&c.camera.intrinsics()));

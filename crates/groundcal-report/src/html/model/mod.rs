@@ -8,7 +8,10 @@ pub mod floor;
 pub mod motions;
 pub mod residuals;
 
-use groundcal::result::{Calibration, WarningReport};
+use groundcal::{
+    remedy::Wording,
+    result::{Calibration, PixelCentre, WarningReport},
+};
 use serde::Serialize;
 
 /// Everything shown.
@@ -16,7 +19,7 @@ use serde::Serialize;
 pub struct Model {
     /// Version of the program.
     pub version: &'static str,
-    pub pixel_centre: &'static str,
+    pub pixel_centre: PixelCentre,
     /// Names of all images, in order.
     pub images: Vec<String>,
     pub camera: camera::CameraNumbers,
@@ -27,17 +30,17 @@ pub struct Model {
     pub warnings: Vec<WarningReport>,
 }
 
-/// From a calibration.
-pub fn model(c: &Calibration) -> Model {
+/// From a calibration, in the words of a front end.
+pub fn model(c: &Calibration, wording: &dyn Wording) -> Model {
     Model {
         version: env!("CARGO_PKG_VERSION"),
         pixel_centre: c.pixel_centre,
         images: c.evidence.images.clone(),
         camera: camera::camera(c),
-        motions: motions::motions(c),
+        motions: motions::motions(c, wording),
         residuals: residuals::residuals(c),
         floor: floor::maps(c),
         conic: conic::conic(c),
-        warnings: c.warnings.clone(),
+        warnings: WarningReport::all(&c.warnings, wording),
     }
 }

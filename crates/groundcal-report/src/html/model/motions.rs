@@ -2,11 +2,11 @@
 
 use groundcal::{
     floor::view::{FloorGrid, FloorView},
-    geometry::{attitude::up_in_camera, plane_view::View, size::ImageSize},
-    numerics::statistics::median,
+    geometry::{plane_view::View, size::ImageSize},
+    remedy::Wording,
     result::{
         Calibration, MotionReport,
-        evidence::{Evidence, ObservationEvidence, PairEvidence},
+        evidence::{Evidence, PairEvidence},
     },
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -147,12 +147,6 @@ pub const OVERLAY_PX: f64 = 460.0;
 const OVERLAY_FARTHEST: f64 = 8.0;
 /// Floor beyond this lies outside every overlay, in camera heights.
 const OUTLINE_FARTHEST: f64 = 40.0;
-/// Views of a motion further apart than this, and than so many times what is usual, have tilted against each other.
-const LEAST_APART_DEG: f64 = 0.2;
-const MANY_TIMES: f64 = 5.0;
-/// A motion that fits the camera of all so many times worse than a homography, and by so many pixels, does not fit it.
-const MISFIT: f64 = 4.0;
-const LEAST_MISFIT_PX: f64 = 0.1;
 /// Nearest neighbours looked at of a rejected match; how many of them must be rejected too, and by how many deviations more
 /// than chance gives; fewest rejected matches of a cluster.
 const NEIGHBOURS: usize = 8;
@@ -161,7 +155,7 @@ const CHANCE: f64 = 2.5;
 const CLUSTER_REJECTED: usize = 8;
 
 /// The motions used, then the best pair of each image that none of them uses.
-pub fn motions(c: &Calibration) -> Vec<Motion> {
+pub fn motions(c: &Calibration, wording: &dyn Wording) -> Vec<Motion> {
     let e = &c.evidence;
     let mut chosen: Vec<usize> = (0..e.pairs.len()).filter(|&i| c.motions[i].used).collect();
     let mut seen: Vec<usize> = chosen.iter().flat_map(|&i| e.pairs[i].images).collect();
@@ -178,55 +172,15 @@ pub fn motions(c: &Calibration) -> Vec<Motion> {
         }
     }
     let mut all: Vec<Motion> = chosen.into_par_iter().map(|i| motion(c, i)).collect();
-    let apart: Vec<Option<f64>> = all.iter().map(|m| m.apart_deg).collect();
-    for (i, m) in all.iter_mut().enumerate() {
-        let others = apart.iter().enumerate().filter(|(j, _)| *j != i).filter_map(|(_, a)| *a).collect();
-        m.attention = attention(m, others);
+    for m in &mut all {
+        m.attention = c.motions[m.pair].diagnosis.and_then(|d| d.verdict.message(wording));
     }
     all
-}
-
-/// What is wrong with a motion that takes part: its views tilt against each other more than those of the `others` do, or it fits
-/// the camera of all far worse than its own homography.
-fn attention(m: &Motion, mut others: Vec<f64>) -> Option<String> {
-    if let Some(apart) = m.apart_deg {
-        let usual = if others.is_empty() { 0.0 } else { median(&mut others) };
-        if apart > LEAST_APART_DEG && apart > MANY_TIMES * usual {
-            return Some(format!(
-                "the attitudes of its two views are {apart:.2} degrees apart, those of the other motions {usual:.2}: the camera tilted \
-                 between the two images, or they show different planes. Leave the pair out (--pairs) or take it again"
-            ));
-        }
-    }
-    let (own, joint) = (m.rms_px?, m.joint_rms_px?);
-    (joint > MISFIT * own && joint > LEAST_MISFIT_PX).then(|| {
-        format!(
-            "its points are {joint:.2} px off the camera of all motions, but {own:.2} px off a homography of their own: a motion is wrong \
-             (this one or another), or the lens model is too simple"
-        )
-    })
 }
 
 fn motion(c: &Calibration, pair: usize) -> Motion {
     let (report, p) = (&c.motions[pair], &c.evidence.pairs[pair]);
     let accepted = p.matches.iter().filter(|m| m.accepted).count();
-    // Of the kind that its own homography is of.
-    let patches = p.matches.iter().any(|m| m.patch);
-    let of_motion = |o: &&ObservationEvidence| p.images.contains(&o.image) && o.patch == patches;
-    let (mut squares, mut count) = (0.0, 0);
-    for o in c.evidence.observations.iter().filter(of_motion) {
-        squares += o.residual_px[0].powi(2) + o.residual_px[1].powi(2);
-        count += 1;
-    }
-    let joint_rms_px = (report.used && count > 0).then(|| (2.0 * squares / f64::from(count)).sqrt());
-    let up = |name: &str| {
-        let v = c.views.iter().find(|v| v.image == name && v.attitude.is_some())?;
-        Some(up_in_camera(v.pitch_down_deg.to_radians(), v.roll_deg.to_radians()))
-    };
-    let apart_deg = match (up(&report.from), up(&report.to)) {
-        (Some(a), Some(b)) if report.used => Some(a.cross(&b).norm().atan2(a.dot(&b)).to_degrees()),
-        _ => None,
-    };
     Motion {
         pair,
         images: p.images,
@@ -240,8 +194,8 @@ fn motion(c: &Calibration, pair: usize) -> Motion {
         rejected: p.matches.len() - accepted,
         lost: p.lost_patches.len(),
         rms_px: report.rms_px,
-        joint_rms_px,
-        apart_deg,
+        joint_rms_px: report.diagnosis.and_then(|d| d.joint_rms_px),
+        apart_deg: report.diagnosis.and_then(|d| d.apart_deg),
         attention: None,
         clusters: clusters(p, &c.evidence, c.camera.image_size),
         overlay: overlay(c, report, p),

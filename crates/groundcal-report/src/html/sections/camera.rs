@@ -6,7 +6,7 @@ use crate::html::sections::{decimals, figure, table};
 use crate::html::{
     model::{
         Model,
-        camera::{CameraNumbers, Parameter},
+        camera::{CameraNumber, CameraNumbers},
     },
     svg::{Anchor, Scale, Svg, fixed, path_of},
 };
@@ -36,13 +36,13 @@ pub fn section(c: &Calibration, model: &Model) -> String {
     out
 }
 
-fn row(p: &Parameter, c: &Calibration) -> Vec<String> {
+fn row(p: &CameraNumber, c: &Calibration) -> Vec<String> {
     let digits = p.sigma.map_or(if p.unit.is_empty() { 5 } else { 3 }, decimals);
     let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
     let dash = || "\u{2013}".to_string();
     let source = match (p.sigma, p.name) {
         (Some(_), _) => None,
-        (None, "k1" | "k2") => Some(c.camera.distortion.source),
+        (None, "k1" | "k2") => Some(c.camera.distortion.source.name()),
         _ => Some("held"),
     };
     let relative = if p.unit == "px" {
@@ -84,12 +84,12 @@ fn percent(part: f64) -> String {
 fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
     let [w, h] = camera.image_size.map(|s| s as f64);
     let rho = 0.5 * w.hypot(h) / c.camera.fx;
-    let in_px = |p: &Parameter, s: f64| match p.name {
+    let in_px = |p: &CameraNumber, s: f64| match p.name {
         "k1" => s * c.camera.fx * rho.powi(3),
         "k2" => s * c.camera.fx * rho.powi(5),
         _ => s,
     };
-    let free: Vec<&Parameter> = camera.parameters.iter().filter(|p| p.sigma.is_some_and(|s| s > 0.0)).collect();
+    let free: Vec<&CameraNumber> = camera.parameters.iter().filter(|p| p.sigma.is_some_and(|s| s > 0.0)).collect();
     if free.is_empty() {
         return String::new();
     }

@@ -7,7 +7,7 @@ mod motions;
 mod residuals;
 mod tables;
 
-use groundcal::result::Calibration;
+use groundcal::result::{Calibration, Method};
 
 use crate::html::{
     model::Model,
@@ -83,8 +83,12 @@ fn headline(c: &Calibration, model: &Model) -> String {
         c.motions.len(),
         c.attitudes.len(),
         if c.attitudes.len() == 1 { "" } else { "s" },
-        escape(&c.constraint),
-        if c.method == "joint" { "joint refinement" } else { "linear method" },
+        escape(c.constraint.name()),
+        match c.method {
+            Method::Joint => "joint refinement",
+            Method::Linear => "linear method",
+            Method::Rotating => "rotating-camera method",
+        },
     )
 }
 
@@ -100,7 +104,7 @@ fn warnings(model: &Model) -> String {
     let items: String = model
         .warnings
         .iter()
-        .map(|w| format!("<li><strong><code>{}</code></strong> {}.</li>\n", w.code, escape(&w.message)))
+        .map(|w| format!("<li><strong><code>{}</code></strong> {}.</li>\n", w.warning.code(), escape(&w.message)))
         .collect();
     format!("<ul class=\"warnings\">\n{items}</ul>\n")
 }

@@ -1,6 +1,6 @@
 //! Plain tables: views, pairs, covariance.
 
-use groundcal::result::Calibration;
+use groundcal::result::{Calibration, Parameter};
 
 use crate::html::sections::{table, with_sigma};
 use crate::html::svg::fixed;
@@ -90,14 +90,13 @@ fn pairs(c: &Calibration) -> String {
 }
 
 fn covariance(c: &Calibration) -> String {
-    let names = c.covariance.parameters;
-    let free: Vec<usize> = (0..names.len()).filter(|&i| c.covariance.matrix[i][i] > 0.0).collect();
-    let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|&i| names[i])).collect();
+    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| c.covariance(*p, *p) > 0.0).collect();
+    let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|p| p.name())).collect();
     let rows: Vec<Vec<String>> = free
         .iter()
-        .map(|&r| {
-            let values = free.iter().map(|&k| format!("{:.3e}", c.covariance.matrix[r][k]).replace('-', "\u{2212}"));
-            [names[r].to_string()].into_iter().chain(values).collect()
+        .map(|r| {
+            let values = free.iter().map(|k| format!("{:.3e}", c.covariance(*r, *k)).replace('-', "\u{2212}"));
+            [r.to_string()].into_iter().chain(values).collect()
         })
         .collect();
     table("Covariance of the camera's numbers (pixels squared; k1, k2 without unit)", &heads, &rows)
