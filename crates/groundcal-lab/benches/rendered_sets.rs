@@ -1,5 +1,5 @@
 //! Error bars against truth, on rendered sets of pictures drawn at random:
-//! `cargo bench --bench rendered_sets [-- --sets N --only I --seed S --keep DIR]`.
+//! `cargo bench -p groundcal-lab --bench rendered_sets [-- --sets N --only I --seed S --keep DIR]`.
 //!
 //! Each set has a floor, a camera, a lens, attitudes, motions, a sensor and a file format of its own, all drawn from a
 //! seed. It is calibrated with default options, and under zero skew too where three attitudes or more differ in roll; one
@@ -158,29 +158,25 @@ fn draw_views(
 
 /// The part of the near floor seen by view `a` that view `b` sees too, and the part of `a` that sees near floor.
 fn overlap(scene: &Scene, a: usize, b: usize) -> (f64, f64) {
-    let (k, d) = (scene.camera.intrinsics(), scene.camera.distortion());
+    let camera = scene.camera.model();
     let [pa, pb] = [a, b].map(|i| scene.pose(i).expect("a view"));
     let size = scene.camera.size();
     let (mut pixels, mut floor, mut shared) = (0.0, 0.0, 0.0);
     for y in (0..size.height).step_by(size.height / 24) {
         for x in (0..size.width).step_by(size.width / 32) {
             pixels += 1.0;
-            let Some(p) = d.undistort_pixel(&k, &Vector2::new(x as f64, y as f64)) else { continue };
-            let p = k.normalised_from_pixel(&p);
-            let ray = pa.r_cam_from_world.transpose() * Vector3::new(p.x, p.y, 1.0);
+            let Some(ray) = camera.unproject(&Vector2::new(x as f64, y as f64)) else { continue };
+            let ray = pa.r_cam_from_world.transpose() * ray;
             let reach = -pa.centre_m.z / ray.z;
             if !(ray.z < 0.0 && reach * ray.xy().norm() < FARTHEST_IN_HEIGHTS * pa.centre_m.z) {
                 continue;
             }
             floor += 1.0;
             let q = pb.r_cam_from_world * (pa.centre_m + ray * reach - pb.centre_m);
-            let ideal = Vector2::new(q.x / q.z, q.y / q.z);
-            let distorted = d.distort(&ideal);
-            let pixel = k.pixel_from_normalised(&distorted);
-            let inside =
-                (0.0..size.width as f64 - 1.0).contains(&pixel.x) && (0.0..size.height as f64 - 1.0).contains(&pixel.y);
-            // A point beyond the lens's fold lands in the image without being seen there.
-            if q.z > 0.0 && inside && d.undistort(&distorted).is_some_and(|u| (u - ideal).norm() < 1e-6) {
+            let inside = |pixel: Vector2<f64>| {
+                (0.0..size.width as f64 - 1.0).contains(&pixel.x) && (0.0..size.height as f64 - 1.0).contains(&pixel.y)
+            };
+            if camera.project(&q).is_some_and(inside) {
                 shared += 1.0;
             }
         }
@@ -491,7 +487,7 @@ fn main() -> ExitCode {
     let arguments = match arguments() {
         Ok(Some(arguments)) => arguments,
         Ok(None) => {
-            println!("too long for a test: cargo bench --bench rendered_sets");
+            println!("too long for a test: cargo bench -p groundcal-lab --bench rendered_sets");
             return ExitCode::SUCCESS;
         }
         Err(message) => {

@@ -8,10 +8,22 @@ use std::fmt::Write;
 use groundcal::result::Calibration;
 use nalgebra::{Rotation3, UnitQuaternion};
 
-use crate::export::formats::World;
+use crate::{
+    error::IoError,
+    export::{file::File, world::World},
+};
+
+/// The three files.
+pub(crate) fn files(calibration: &Calibration, world: &World) -> Result<Vec<File>, IoError> {
+    Ok(vec![
+        File::new("cameras.txt", cameras(calibration)),
+        File::new("images.txt", images(world)),
+        File::new("points3D.txt", points()),
+    ])
+}
 
 /// The camera, with the smallest model that holds it.
-pub fn cameras(calibration: &Calibration) -> String {
+fn cameras(calibration: &Calibration) -> String {
     let c = &calibration.camera;
     let d = &c.distortion;
     let (fx, fy, cx, cy) = (c.fx, c.fy, c.cx + 0.5, c.cy + 0.5);
@@ -40,7 +52,7 @@ pub fn cameras(calibration: &Calibration) -> String {
 }
 
 /// The poses of one world, without points.
-pub fn images(world: &World) -> String {
+fn images(world: &World) -> String {
     let mut out = String::from(
         "# Image list with two lines of data per image:\n\
          #   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n\
@@ -80,7 +92,7 @@ pub fn images(world: &World) -> String {
 }
 
 /// No points: COLMAP reads a model only where the file is there.
-pub fn points() -> String {
+fn points() -> String {
     "# 3D point list with one line of data per point:\n#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n\
      # Number of points: 0, mean track length: 0\n"
         .into()

@@ -1,9 +1,14 @@
-//! The files of `calibrate --out` beside `calibration.json`: one module a format, chosen by name.
+//! The files of `calibrate --out` beside `calibration.json`: a table of formats, one module each, chosen by name.
 
-use groundcal::result::{Calibration, Camera};
+use std::path::{Path, PathBuf};
 
-use crate::error::IoError;
-use crate::export::{colmap, kalibr, matlab, nerfstudio, opencv, ros};
+use groundcal::result::Calibration;
+
+use crate::{
+    error::IoError,
+    export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, world::World, write::write_whole},
+    text::quoted,
+};
 
 /// A format of another program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,17 +31,33 @@ impl Format {
     /// All of them.
     pub const ALL: [Format; 6] =
         [Format::Opencv, Format::Ros, Format::Kalibr, Format::Colmap, Format::Nerfstudio, Format::Matlab];
+
+    fn writer(self) -> Writer {
+        match self {
+            Format::Opencv => Writer { files: opencv::files, poses: false, without_skew: None },
+            Format::Ros => Writer { files: ros::files, poses: false, without_skew: None },
+            Format::Kalibr => Writer { files: kalibr::files, poses: false, without_skew: Some("camchain.yaml") },
+            Format::Colmap => Writer { files: colmap::files, poses: true, without_skew: Some("cameras.txt") },
+            Format::Nerfstudio => {
+                Writer { files: nerfstudio::files, poses: true, without_skew: Some("transforms.json") }
+            }
+            Format::Matlab => Writer { files: matlab::files, poses: false, without_skew: None },
+        }
+    }
 }
 
-/// A file to write.
-pub struct File {
-    /// Its name.
-    pub name: &'static str,
-    /// Its content.
-    pub content: String,
+/// A row of the table of formats.
+struct Writer {
+    /// Makes the files.
+    files: fn(&Calibration, &World) -> Result<Vec<File>, IoError>,
+    /// Whether poses are written.
+    poses: bool,
+    /// The file that has no place for a skew.
+    without_skew: Option<&'static str>,
 }
 
 /// Files of the formats asked for, and what they cannot say.
+#[derive(Debug)]
 pub struct Files {
     /// In the order of the formats.
     pub files: Vec<File>,
@@ -44,44 +65,33 @@ pub struct Files {
     pub notes: Vec<String>,
 }
 
-/// Renders the formats; an empty list stands for all.
+/// Renders the formats, each once, in the order of [`Format::ALL`]; an empty list stands for all.
+///
+/// # Errors
+/// [`IoError::Other`] where a number cannot be written.
 pub fn render(calibration: &Calibration, formats: &[Format]) -> Result<Files, IoError> {
-    let formats = if formats.is_empty() { &Format::ALL[..] } else { formats };
-    let has = |format: Format| formats.contains(&format);
+    let chosen: Vec<Format> = Format::ALL.into_iter().filter(|f| formats.is_empty() || formats.contains(f)).collect();
     let world = World::largest(calibration);
     let mut files = Vec::new();
-    // In the order of the enumeration, each once, whatever the order they were named in.
-    for format in Format::ALL.iter().filter(|f| has(**f)) {
-        let mut add = |name: &'static str, content: String| files.push(File { name, content });
-        match format {
-            Format::Opencv => add("camera_opencv.yaml", opencv::yaml(calibration)),
-            Format::Ros => add("camera_info.yaml", ros::yaml(calibration)),
-            Format::Kalibr => add("camchain.yaml", kalibr::yaml(calibration)),
-            Format::Colmap => {
-                add("cameras.txt", colmap::cameras(calibration));
-                add("images.txt", colmap::images(&world));
-                add("points3D.txt", colmap::points());
-            }
-            Format::Nerfstudio => add("transforms.json", nerfstudio::json(calibration, &world)?),
-            Format::Matlab => add("camera_matlab.csv", matlab::csv(calibration)),
-        }
+    for format in &chosen {
+        files.extend((format.writer().files)(calibration, &world)?);
     }
+    Ok(Files { files, notes: notes(calibration, &world, &chosen) })
+}
+
+fn notes(calibration: &Calibration, world: &World, chosen: &[Format]) -> Vec<String> {
     let mut notes = Vec::new();
-    if (has(Format::Colmap) || has(Format::Nerfstudio)) && !world.left_out.is_empty() {
+    if chosen.iter().any(|f| f.writer().poses) && !world.left_out.is_empty() {
         notes.push(world.what_is_left_out());
     }
-    if let Some(pose) = world.poses.iter().find(|p| has(Format::Colmap) && p.image.contains(char::is_whitespace)) {
+    let blank = world.poses.iter().find(|p| p.image.contains(char::is_whitespace));
+    if let Some(pose) = blank.filter(|_| chosen.contains(&Format::Colmap)) {
         notes.push(format!(
-            "COLMAP reads the name of an image up to the first blank: \"{}\" will not be found. Rename the file",
-            pose.image
+            "COLMAP reads the name of an image up to the first blank: {} will not be found. Rename the file",
+            quoted(pose.image)
         ));
     }
-    let unable: Vec<&str> =
-        [(Format::Kalibr, "camchain.yaml"), (Format::Colmap, "cameras.txt"), (Format::Nerfstudio, "transforms.json")]
-            .iter()
-            .filter(|(format, _)| has(*format))
-            .map(|(_, name)| *name)
-            .collect();
+    let unable: Vec<&str> = chosen.iter().filter_map(|f| f.writer().without_skew).collect();
     if calibration.camera.skew != 0.0 && !unable.is_empty() {
         notes.push(format!(
             "the skew of {:.3} px is left out of {}: the format has no place for it",
@@ -89,113 +99,40 @@ pub fn render(calibration: &Calibration, formats: &[Format]) -> Result<Files, Io
             unable.join(", ")
         ));
     }
-    Ok(Files { files, notes })
+    notes
 }
 
-/// A view with its place: camera coordinates are R (X - c).
-pub struct Pose<'a> {
-    /// Name of the image.
-    pub image: &'a str,
-    /// Camera from world.
-    pub r_cam_from_world: nalgebra::Matrix3<f64>,
-    /// Optical centre in the world.
-    pub centre: nalgebra::Vector3<f64>,
-}
-
-/// The largest set of views that have a position in one world, and the views outside it.
-pub struct World<'a> {
-    /// Its views; empty where none has a position.
-    pub poses: Vec<Pose<'a>>,
-    /// Name of the image whose foot is its origin.
-    pub origin: Option<&'a str>,
-    /// Views with a position in another world.
-    pub left_out: Vec<&'a str>,
-    /// Unit of length, in words.
-    pub unit: &'static str,
-}
-
-impl<'a> World<'a> {
-    /// Worlds are told apart by their origin; of equally large ones the first is taken.
-    pub fn largest(calibration: &'a Calibration) -> Self {
-        let placed = || calibration.views.iter().filter(|v| v.position.is_some());
-        let count = |origin: &str| placed().filter(|v| v.origin == origin).count();
-        let mut origin: Option<&str> = None;
-        for view in placed() {
-            if origin.is_none_or(|o| count(&view.origin) > count(o)) {
-                origin = Some(&view.origin);
-            }
-        }
-        let inside = |v: &&groundcal::result::ViewReport| Some(v.origin.as_str()) == origin;
-        let poses = placed().filter(inside).filter_map(|v| {
-            let [pitch, roll, yaw] = [v.pitch_down_deg, v.roll_deg, v.yaw_deg].map(f64::to_radians);
-            let r_cam_from_world = groundcal::geometry::attitude::rotation_cam_from_world(pitch, roll, yaw);
-            Some(Pose { image: &v.image, r_cam_from_world, centre: v.position?.into() })
-        });
-        let metres = calibration.camera_height_m.is_some();
-        Self {
-            poses: poses.collect(),
-            origin,
-            unit: if metres { "metres" } else { "heights of the first camera" },
-            left_out: placed().filter(|v| !inside(v)).map(|v| v.image.as_str()).collect(),
-        }
+/// Writes the files of the formats into a folder, which is made if need be. Returns their paths, and sentences about what the
+/// formats cannot say.
+///
+/// # Errors
+/// [`IoError::Other`] where the folder does not take them.
+///
+/// ```
+/// use groundcal_io::export::{Format, write_formats};
+///
+/// fn camera_for_ros(calibration: &groundcal::result::Calibration) -> Result<(), groundcal_io::error::IoError> {
+///     let (paths, notes) = write_formats(calibration, &[Format::Ros], "out".as_ref())?;
+///     assert!(paths[0].ends_with("camera_info.yaml"));
+///     for note in notes {
+///         eprintln!("note: {note}");
+///     }
+///     Ok(())
+/// }
+/// ```
+pub fn write_formats(
+    calibration: &Calibration,
+    formats: &[Format],
+    folder: &Path,
+) -> Result<(Vec<PathBuf>, Vec<String>), IoError> {
+    let rendered = render(calibration, formats)?;
+    std::fs::create_dir_all(folder)
+        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", folder.display())))?;
+    let mut paths = Vec::with_capacity(rendered.files.len());
+    for file in &rendered.files {
+        let path = folder.join(file.name);
+        write_whole(&path, file.content.as_bytes())?;
+        paths.push(path);
     }
-
-    /// A sentence about the other worlds.
-    pub fn what_is_left_out(&self) -> String {
-        format!(
-            "poses are those of the {} views connected to {}; {} in other worlds (no common points tie them together): {}",
-            self.poses.len(),
-            self.origin.unwrap_or_default(),
-            match self.left_out.len() {
-                1 => "1 view is".to_string(),
-                n => format!("{n} views are"),
-            },
-            self.left_out.join(", ")
-        )
-    }
-}
-
-/// A number that every YAML reader takes for one: YAML 1.1 (PyYAML) wants a point in the mantissa and a sign in the exponent.
-/// Shortest digits that read back exactly.
-pub fn number(value: f64) -> String {
-    // Negative zero helps nobody.
-    let text = format!("{:?}", value + 0.0);
-    match text.split_once('e') {
-        Some((mantissa, exponent)) => {
-            let point = if mantissa.contains('.') { "" } else { ".0" };
-            let sign = if exponent.starts_with('-') { "" } else { "+" };
-            format!("{mantissa}{point}e{sign}{exponent}")
-        }
-        None => text,
-    }
-}
-
-/// Numbers with commas between.
-pub fn list(values: &[f64]) -> String {
-    values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", ")
-}
-
-/// The nine numbers of K, row by row.
-pub fn camera_matrix(c: &Camera) -> [f64; 9] {
-    [c.fx, c.skew, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_have_a_point_and_a_signed_exponent() {
-        for (value, text) in [
-            (705.0, "705.0"),
-            (-0.0, "0.0"),
-            (1e-5, "1.0e-5"),
-            (-8.28619e-5, "-8.28619e-5"),
-            (1e20, "1.0e+20"),
-            (0.1, "0.1"),
-        ] {
-            assert_eq!(number(value), text);
-            assert_eq!(text.parse::<f64>(), Ok(value));
-        }
-    }
+    Ok((paths, rendered.notes))
 }

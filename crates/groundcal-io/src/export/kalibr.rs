@@ -2,10 +2,18 @@
 
 use groundcal::result::Calibration;
 
-use crate::export::formats::list;
+use crate::{
+    error::IoError,
+    export::{file::File, number::list, world::World},
+};
+
+/// The file.
+pub(crate) fn files(calibration: &Calibration, _: &World) -> Result<Vec<File>, IoError> {
+    Ok(vec![File::new("camchain.yaml", yaml(calibration))])
+}
 
 /// The file's text: one camera, pinhole with radtan distortion. Kalibr counts pixels as we do; it has no skew.
-pub fn yaml(calibration: &Calibration) -> String {
+fn yaml(calibration: &Calibration) -> String {
     let c = &calibration.camera;
     let d = &c.distortion;
     let skew = if c.skew == 0.0 {

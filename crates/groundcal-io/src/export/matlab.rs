@@ -3,8 +3,18 @@
 
 use groundcal::result::Calibration;
 
+use crate::{
+    error::IoError,
+    export::{file::File, world::World},
+};
+
+/// The file.
+pub(crate) fn files(calibration: &Calibration, _: &World) -> Result<Vec<File>, IoError> {
+    Ok(vec![File::new("camera_matlab.csv", csv(calibration))])
+}
+
 /// The file's text.
-pub fn csv(calibration: &Calibration) -> String {
+fn csv(calibration: &Calibration) -> String {
     let c = &calibration.camera;
     let s = &calibration.standard_deviation;
     let d = &c.distortion;

@@ -6,8 +6,13 @@
 use groundcal::result::Calibration;
 use serde::Serialize;
 
-use crate::error::IoError;
-use crate::export::formats::{Pose, World};
+use crate::{
+    error::IoError,
+    export::{
+        file::File,
+        world::{Pose, World},
+    },
+};
 
 #[derive(Serialize)]
 struct Transforms<'a> {
@@ -36,8 +41,13 @@ struct Frame<'a> {
     transform_matrix: [[f64; 4]; 4],
 }
 
+/// The file.
+pub(crate) fn files(calibration: &Calibration, world: &World) -> Result<Vec<File>, IoError> {
+    Ok(vec![File::new("transforms.json", json(calibration, world)?)])
+}
+
 /// The file's text.
-pub fn json(calibration: &Calibration, world: &World) -> Result<String, IoError> {
+fn json(calibration: &Calibration, world: &World) -> Result<String, IoError> {
     let c = &calibration.camera;
     let d = &c.distortion;
     let transforms = Transforms {

@@ -2,10 +2,22 @@
 
 use groundcal::result::Calibration;
 
-use crate::export::formats::{camera_matrix, list};
+use crate::{
+    error::IoError,
+    export::{
+        file::File,
+        number::{camera_matrix, list},
+        world::World,
+    },
+};
+
+/// The file.
+pub(crate) fn files(calibration: &Calibration, _: &World) -> Result<Vec<File>, IoError> {
+    Ok(vec![File::new("camera_opencv.yaml", yaml(calibration))])
+}
 
 /// The file's text. OpenCV counts pixels as we do: (0, 0) is the centre of the top-left pixel.
-pub fn yaml(calibration: &Calibration) -> String {
+fn yaml(calibration: &Calibration) -> String {
     let c = &calibration.camera;
     let matrix = |rows: usize, columns: usize, data: &[f64]| {
         format!("!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {} ]\n", list(data))

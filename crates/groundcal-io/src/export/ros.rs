@@ -2,11 +2,23 @@
 
 use groundcal::result::Calibration;
 
-use crate::export::formats::{camera_matrix, list};
+use crate::{
+    error::IoError,
+    export::{
+        file::File,
+        number::{camera_matrix, list},
+        world::World,
+    },
+};
+
+/// The file.
+pub(crate) fn files(calibration: &Calibration, _: &World) -> Result<Vec<File>, IoError> {
+    Ok(vec![File::new("camera_info.yaml", yaml(calibration))])
+}
 
 /// The file's text. ROS counts pixels as we do. A camera by itself is rectified by the identity, and its projection matrix is
 /// [K | 0]: the rectified image has the camera matrix of the raw one.
-pub fn yaml(calibration: &Calibration) -> String {
+fn yaml(calibration: &Calibration) -> String {
     let c = &calibration.camera;
     let matrix = |name: &str, rows: usize, columns: usize, data: &[f64]| {
         format!("{name}:\n  rows: {rows}\n  cols: {columns}\n  data: [{}]\n", list(data))

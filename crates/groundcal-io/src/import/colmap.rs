@@ -3,14 +3,17 @@
 
 use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
 
-use crate::import::ImportedCamera;
+use crate::{
+    import::{brown_conrady::brown_conrady, imported::ImportedCamera},
+    text::{plain, quoted},
+};
 
 fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     text.lines().enumerate().map(|(i, l)| (i + 1, l.trim())).filter(|(_, l)| !l.is_empty() && !l.starts_with('#'))
 }
 
 /// Whether the first line of data begins with a number, a word in capitals and a number.
-pub fn looks_like_it(text: &str) -> bool {
+pub(crate) fn looks_like_it(text: &str) -> bool {
     let Some((_, first)) = lines(text).next() else { return false };
     let words: Vec<&str> = first.split_whitespace().collect();
     let model = |w: &str| {
@@ -21,7 +24,7 @@ pub fn looks_like_it(text: &str) -> bool {
 }
 
 /// All cameras of the file, named by their number.
-pub fn cameras(text: &str) -> Result<Vec<ImportedCamera>, String> {
+pub(crate) fn cameras(text: &str) -> Result<Vec<ImportedCamera>, String> {
     lines(text).map(|(number, line)| camera(line).map_err(|e| format!("line {number}: {e}"))).collect()
 }
 
@@ -30,7 +33,7 @@ fn camera(line: &str) -> Result<ImportedCamera, String> {
     let [id, model, width, height, parameters @ ..] = &words[..] else {
         return Err(format!("expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, found {} words", words.len()));
     };
-    let number = |w: &&str| w.parse::<f64>().map_err(|_| format!("\"{w}\" is not a number"));
+    let number = |w: &&str| w.parse::<f64>().map_err(|_| format!("{} is not a number", quoted(w)));
     let values: Vec<f64> = parameters.iter().map(number).collect::<Result<_, String>>()?;
     let k = |fx: f64, fy: f64, cx: f64, cy: f64| Intrinsics { fx, fy, cx: cx - 0.5, cy: cy - 0.5, skew: 0.0 };
     let none = Distortion::default();
@@ -40,11 +43,9 @@ fn camera(line: &str) -> Result<ImportedCamera, String> {
         ("PINHOLE", [fx, fy, cx, cy]) => (k(*fx, *fy, *cx, *cy), (none, 0.0)),
         ("SIMPLE_RADIAL", [f, cx, cy, k1]) => (k(*f, *f, *cx, *cy), (Distortion::radial(*k1, 0.0), 0.0)),
         ("RADIAL", [f, cx, cy, k1, k2]) => (k(*f, *f, *cx, *cy), (Distortion::radial(*k1, *k2), 0.0)),
-        ("OPENCV", [fx, fy, cx, cy, lens @ ..]) if lens.len() == 4 => {
-            (k(*fx, *fy, *cx, *cy), super::brown_conrady(lens)?)
-        }
+        ("OPENCV", [fx, fy, cx, cy, lens @ ..]) if lens.len() == 4 => (k(*fx, *fy, *cx, *cy), brown_conrady(lens)?),
         ("FULL_OPENCV", [fx, fy, cx, cy, lens @ ..]) if lens.len() == 8 => {
-            (k(*fx, *fy, *cx, *cy), super::brown_conrady(lens)?)
+            (k(*fx, *fy, *cx, *cy), brown_conrady(lens)?)
         }
         ("SIMPLE_PINHOLE", _) => return expected(3),
         ("PINHOLE" | "SIMPLE_RADIAL", _) => return expected(4),
@@ -53,11 +54,12 @@ fn camera(line: &str) -> Result<ImportedCamera, String> {
         ("FULL_OPENCV", _) => return expected(12),
         _ => {
             return Err(format!(
-                "the camera model {model} is not read: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV (with k4, \
-                 k5, k6 zero) are"
+                "the camera model {} is not read: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV (with k4, \
+                 k5, k6 zero) are",
+                plain(model)
             ));
         }
     };
     let size = [number(width)?, number(height)?];
-    ImportedCamera::new("COLMAP", Some(size), intrinsics, lens).map(|c| c.labelled(*id))
+    ImportedCamera::new("COLMAP", Some(size), intrinsics, lens).map(|c| c.labelled(plain(id)))
 }

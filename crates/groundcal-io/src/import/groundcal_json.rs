@@ -8,7 +8,8 @@ use groundcal::result::{
 };
 
 use crate::error::IoError;
-use crate::import::{FOCAL_LENGTHS_PX, ImportedCamera};
+use crate::import::imported::ImportedCamera;
+use crate::limits::FOCAL_LENGTHS_PX;
 
 const HINT: &str = "Name the calibration.json that `groundcal calibrate --out` wrote";
 /// How far an eigenvalue of a matrix of correlations may lie below zero: the rounding of numbers that are nearly tied.

@@ -3,7 +3,6 @@
 pub mod attitude;
 pub mod camera;
 pub mod camera_difference;
-pub mod camera_model;
 pub mod constraint;
 pub mod distortion;
 pub mod frame;

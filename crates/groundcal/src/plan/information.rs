@@ -17,7 +17,7 @@ use crate::{
         size::ImageSize,
     },
     numerics::{levenberg_marquardt::LeastSquares, linalg::inverse_spd},
-    plan::criterion::{CameraMatrix, NUMBERS},
+    plan::candidate::{CameraMatrix, NUMBERS},
     refine::{
         blocks::{BundleOptions, CameraState, FrameState, GroupState, MATRIX, State},
         layout::Ingredients,
@@ -181,7 +181,7 @@ mod tests {
     use crate::{
         calibrate::{LensModel, Options},
         geometry::{intrinsics::Intrinsics, lens::Lens, plane_view::View},
-        plan::criterion::inverse_free,
+        plan::candidate::inverse_free,
         refine::bundle::pixels_by_camera,
         start::absolute_conic::Constraint,
         synthetic::bound::{HeightModel, cramer_rao_bound},

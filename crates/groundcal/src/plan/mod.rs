@@ -10,8 +10,10 @@
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
-mod criterion;
+mod candidate;
+pub mod carriers;
 mod information;
+pub mod report;
 mod search;
 
 use nalgebra::SMatrix;
@@ -29,8 +31,8 @@ use crate::{
     synthetic::points::MotionSpec,
 };
 
-pub use criterion::CameraMatrix;
-use criterion::{Candidate, NUMBERS, inverse_free, ln_f_variance};
+pub use candidate::CameraMatrix;
+use candidate::{Candidate, NUMBERS, inverse_free, ln_f_variance};
 use information::Setting;
 
 /// How a camera can move. Every pitch may be combined with every roll and every turn.

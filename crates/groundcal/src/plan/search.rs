@@ -1,6 +1,6 @@
 //! The choice of motions: greedy, then exchanges (Fedorov 1972, *Theory of Optimal Experiments*).
 
-use crate::plan::criterion::{CameraMatrix, Candidate, NUMBERS, inverse_free, ln_f_variance};
+use crate::plan::candidate::{CameraMatrix, Candidate, NUMBERS, inverse_free, ln_f_variance};
 
 /// Relative gain in the standard deviation of f for which a less simple motion is taken, and for which one is exchanged.
 const WORTH: f64 = 0.01;

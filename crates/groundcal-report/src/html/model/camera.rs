@@ -8,46 +8,46 @@ use serde::Serialize;
 
 /// The camera.
 #[derive(Debug, Serialize)]
-pub struct CameraNumbers {
-    pub image_size: [usize; 2],
-    pub parameters: Vec<CameraNumber>,
+pub(crate) struct CameraNumbers {
+    pub(crate) image_size: [usize; 2],
+    pub(crate) parameters: Vec<CameraNumber>,
     /// Displacement by the lens along a radius; empty without distortion.
-    pub lens: Vec<LensPoint>,
+    pub(crate) lens: Vec<LensPoint>,
 }
 
 /// A number of the camera.
 #[derive(Debug, Serialize)]
-pub struct CameraNumber {
-    pub name: &'static str,
+pub(crate) struct CameraNumber {
+    pub(crate) name: &'static str,
     /// `px`, or nothing.
-    pub unit: &'static str,
-    pub value: f64,
+    pub(crate) unit: &'static str,
+    pub(crate) value: f64,
     /// One standard deviation; `None`: held.
-    pub sigma: Option<f64>,
+    pub(crate) sigma: Option<f64>,
     /// 95 % interval.
-    pub interval: Option<[f64; 2]>,
+    pub(crate) interval: Option<[f64; 2]>,
     /// What was assumed: mean, standard deviation, in the parameter's unit (`fy`: through the aspect ratio, at the fx found).
-    pub prior: Option<[f64; 2]>,
+    pub(crate) prior: Option<[f64; 2]>,
     /// Part of what is known of it that the images told, 0 to 1: 1 - (posterior / prior variance); 1 without a prior.
-    pub from_images: Option<f64>,
+    pub(crate) from_images: Option<f64>,
     /// Correlation with fx.
-    pub correlation_with_fx: Option<f64>,
+    pub(crate) correlation_with_fx: Option<f64>,
 }
 
 /// The lens at a distance from the principal point.
 #[derive(Debug, Serialize)]
-pub struct LensPoint {
+pub(crate) struct LensPoint {
     /// Distance of the ideal point, pixels.
-    pub radius_px: f64,
+    pub(crate) radius_px: f64,
     /// How far the lens moves it outwards.
-    pub outwards_px: f64,
-    pub sigma_px: f64,
+    pub(crate) outwards_px: f64,
+    pub(crate) sigma_px: f64,
 }
 
 const LENS_POINTS: usize = 24;
 
 /// From a calibration.
-pub fn camera(c: &Calibration) -> CameraNumbers {
+pub(crate) fn camera(c: &Calibration) -> CameraNumbers {
     let fx = Parameter::Fx;
     let parameters = Parameter::ALL
         .into_iter()

@@ -21,36 +21,36 @@ type ComplexPoint = Vector3<Complex<f64>>;
 
 /// The absolute conic's part of the report.
 #[derive(Debug, Serialize)]
-pub struct Conic {
-    pub attitudes: Vec<ConicAttitude>,
+pub(crate) struct Conic {
+    pub(crate) attitudes: Vec<ConicAttitude>,
     /// Camera numbers left free, of `ln fx`, `ln fy/fx`, `cx`, `cy`, `skew`.
-    pub unknowns: Vec<&'static str>,
+    pub(crate) unknowns: Vec<&'static str>,
     /// Equations that the attitudes give: two each.
-    pub equations: usize,
+    pub(crate) equations: usize,
     /// Singular values of those equations, largest first, in units of the largest; one for each unknown.
-    pub singular_values: Vec<f64>,
+    pub(crate) singular_values: Vec<f64>,
     /// The combination that the attitudes tell least: parts of the unknowns, unit length (cx, cy, skew in half image sides).
-    pub weakest: Vec<f64>,
+    pub(crate) weakest: Vec<f64>,
     /// Largest difference of pitch, and of roll (modulo 180 degrees), in degrees.
-    pub pitch_spread_deg: f64,
-    pub roll_spread_deg: f64,
+    pub(crate) pitch_spread_deg: f64,
+    pub(crate) roll_spread_deg: f64,
 }
 
 /// An attitude, the camera's.
 #[derive(Debug, Serialize)]
-pub struct ConicAttitude {
-    pub pitch_down_deg: f64,
-    pub roll_deg: f64,
+pub(crate) struct ConicAttitude {
+    pub(crate) pitch_down_deg: f64,
+    pub(crate) roll_deg: f64,
     /// a x + b y + c = 0 in ideal pixels, a² + b² = 1.
-    pub horizon_px: Option<[f64; 3]>,
+    pub(crate) horizon_px: Option<[f64; 3]>,
     /// m and d of the circular points m ± i d, ideal pixels.
-    pub circular_points: Option<[[f64; 2]; 2]>,
+    pub(crate) circular_points: Option<[[f64; 2]; 2]>,
     /// The same of each motion by itself, as measured.
-    pub measured: Vec<[[f64; 2]; 2]>,
+    pub(crate) measured: Vec<[[f64; 2]; 2]>,
     /// Pitch and roll of each of its views, degrees.
-    pub views: Vec<[f64; 2]>,
+    pub(crate) views: Vec<[f64; 2]>,
     /// Names of the images of its motions.
-    pub motions: Vec<[String; 2]>,
+    pub(crate) motions: Vec<[String; 2]>,
 }
 
 /// m and d of a complex point given in homogeneous coordinates; d's sign is made positive along x.
@@ -69,7 +69,7 @@ fn circular_point(c: &Calibration, a: &AttitudeReport) -> ComplexPoint {
 }
 
 /// From a calibration; `None` where there is no floor.
-pub fn conic(c: &Calibration) -> Option<Conic> {
+pub(crate) fn conic(c: &Calibration) -> Option<Conic> {
     if c.attitudes.is_empty() {
         return None;
     }
@@ -177,7 +177,7 @@ fn rises_up_to(lens: &Distortion, squared: f64) -> bool {
 
 /// The horizon of a view in the picture, lens and all: pieces of a curve inside `window` (left, top, right, bottom in pixels), and the
 /// point of it nearest to the principal point, if the lens reaches that far.
-pub fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, window: [f64; 4]) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, window: [f64; 4]) -> Vec<Vec<[f64; 2]>> {
     const STEPS: i32 = 160;
     let (k, lens) = (c.camera.intrinsics(), c.camera.lens());
     let up = up_in_camera(pitch_down_deg.to_radians(), roll_deg.to_radians());

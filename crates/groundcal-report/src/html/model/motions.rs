@@ -15,61 +15,61 @@ use serde::Serialize;
 
 /// A pair of images of which pictures are shown.
 #[derive(Debug, Serialize)]
-pub struct Motion {
+pub(crate) struct Motion {
     /// Index into the calibration's motions.
-    pub pair: usize,
+    pub(crate) pair: usize,
     /// Indices of the images.
-    pub images: [usize; 2],
-    pub from: String,
-    pub to: String,
-    pub used: bool,
-    pub reason: Option<String>,
-    pub rotation_deg: Option<f64>,
-    pub rho: Option<f64>,
+    pub(crate) images: [usize; 2],
+    pub(crate) from: String,
+    pub(crate) to: String,
+    pub(crate) used: bool,
+    pub(crate) reason: Option<String>,
+    pub(crate) rotation_deg: Option<f64>,
+    pub(crate) rho: Option<f64>,
     /// Matches on the floor and off it, features and patches together; patches not found again.
-    pub accepted: usize,
-    pub rejected: usize,
-    pub lost: usize,
+    pub(crate) accepted: usize,
+    pub(crate) rejected: usize,
+    pub(crate) lost: usize,
     /// Of the pair's own homography, pixels.
-    pub rms_px: Option<f64>,
+    pub(crate) rms_px: Option<f64>,
     /// Of the camera of all motions, both images together, pixels: much more than `rms_px` where the motion does not fit the others.
-    pub joint_rms_px: Option<f64>,
+    pub(crate) joint_rms_px: Option<f64>,
     /// How far the attitudes of its two views are apart, degrees: 0 for a turn about the floor's normal.
-    pub apart_deg: Option<f64>,
+    pub(crate) apart_deg: Option<f64>,
     /// What is wrong with it, in a sentence, if anything is.
-    pub attention: Option<String>,
+    pub(crate) attention: Option<String>,
     /// Where rejected matches gather in the first image: things that stand on the floor, or moved.
-    pub clusters: Vec<Cluster>,
-    pub overlay: Option<Overlay>,
+    pub(crate) clusters: Vec<Cluster>,
+    pub(crate) overlay: Option<Overlay>,
 }
 
 /// A part of the first image in which most matches are rejected.
 #[derive(Debug, Clone, Serialize)]
-pub struct Cluster {
+pub(crate) struct Cluster {
     /// Left, top, right, bottom, pixels.
-    pub box_px: [f64; 4],
-    pub rejected: usize,
-    pub accepted: usize,
+    pub(crate) box_px: [f64; 4],
+    pub(crate) rejected: usize,
+    pub(crate) accepted: usize,
 }
 
 /// Both images laid on the floor.
 #[derive(Debug, Serialize)]
-pub struct Overlay {
+pub(crate) struct Overlay {
     /// Side of a pixel of the overlay, heights of the first camera.
-    pub unit_per_px: f64,
-    pub size: [usize; 2],
+    pub(crate) unit_per_px: f64,
+    pub(crate) size: [usize; 2],
     /// Where the first camera's foot lies in it, pixels; up is where it looks.
-    pub foot_px: [f64; 2],
+    pub(crate) foot_px: [f64; 2],
     /// Correlation coefficient of the two where both see the floor (with images only): near 1 where they fit.
-    pub correlation: Option<f64>,
+    pub(crate) correlation: Option<f64>,
     #[serde(skip)]
-    pub map: OverlayMap,
+    pub(crate) map: OverlayMap,
 }
 
 /// How the overlay is made.
 #[derive(Debug)]
-pub struct OverlayMap {
-    pub grid: FloorGrid,
+pub(crate) struct OverlayMap {
+    pub(crate) grid: FloorGrid,
     first: FloorView,
     second: Second,
 }
@@ -84,7 +84,7 @@ enum Second {
 
 impl OverlayMap {
     /// The pixel of the first (0) or second (1) image at a pixel of the overlay.
-    pub fn source(&self, e: &Evidence, which: usize, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn source(&self, e: &Evidence, which: usize, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let floor = self.grid.floor_from_pixel(p);
         match (which, &self.second) {
             (0, _) => self.first.pixel_from_floor(&floor),
@@ -97,7 +97,7 @@ impl OverlayMap {
 impl OverlayMap {
     /// Outline of the floor that an image sees, in pixels of the overlay; a pixel narrower than the image, where it has neighbours
     /// to be resampled from.
-    pub fn outline(&self, e: &Evidence, which: usize, size: ImageSize) -> Vec<[f64; 2]> {
+    pub(crate) fn outline(&self, e: &Evidence, which: usize, size: ImageSize) -> Vec<[f64; 2]> {
         const SIDE_POINTS: usize = 24;
         let (w, h) = (size.width as f64 - 2.0, size.height as f64 - 2.0);
         let corners = [[1.0, 1.0], [w, 1.0], [w, h], [1.0, h]];
@@ -125,7 +125,7 @@ impl OverlayMap {
     }
 
     /// The pixel of the overlay at a pixel of the first (0) or second (1) image; `None` at or above the horizon.
-    pub fn on_grid(&self, e: &Evidence, which: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
+    pub(crate) fn on_grid(&self, e: &Evidence, which: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let pixel = Vector2::from(pixel);
         let floor = match (which, &self.second) {
             (0, _) => self.first.floor_from_pixel(&pixel)?,
@@ -142,7 +142,7 @@ impl OverlayMap {
 /// Pairs of images that no motion uses are shown too, up to so many.
 const UNUSED_SHOWN: usize = 6;
 /// Longer side of an overlay in pixels.
-pub const OVERLAY_PX: f64 = 460.0;
+pub(crate) const OVERLAY_PX: f64 = 460.0;
 /// How far floor is laid out, in camera heights.
 const OVERLAY_FARTHEST: f64 = 8.0;
 /// Floor beyond this lies outside every overlay, in camera heights.
@@ -155,7 +155,7 @@ const CHANCE: f64 = 2.5;
 const CLUSTER_REJECTED: usize = 8;
 
 /// The motions used, then the best pair of each image that none of them uses.
-pub fn motions(c: &Calibration, wording: &dyn Wording) -> Vec<Motion> {
+pub(crate) fn motions(c: &Calibration, wording: &dyn Wording) -> Vec<Motion> {
     let e = &c.evidence;
     let mut chosen: Vec<usize> = (0..e.pairs.len()).filter(|&i| c.motions[i].used).collect();
     let mut seen: Vec<usize> = chosen.iter().flat_map(|&i| e.pairs[i].images).collect();
@@ -205,7 +205,7 @@ fn motion(c: &Calibration, pair: usize) -> Motion {
 /// Parts of the first image where rejected matches (and patches not found) are among themselves: those most of whose nearest
 /// neighbours are rejected too, more than chance gives, joined with these neighbours. What the second image does not show cannot
 /// be matched and does not count.
-pub fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster> {
+pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster> {
     let shown = |a: [f64; 2]| carried(p, e, Vector2::from(a)).is_none_or(|b| inside(b, size));
     let of = |wanted: bool| p.matches.iter().filter(move |m| m.accepted == wanted).map(|m| m.a);
     let rejected: Vec<[f64; 2]> = of(false).chain(p.lost_patches.iter().copied()).filter(|a| shown(*a)).collect();
@@ -336,7 +336,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
 }
 
 /// The size of an overlay's grid.
-pub fn size_of(overlay: &Overlay) -> ImageSize {
+pub(crate) fn size_of(overlay: &Overlay) -> ImageSize {
     overlay.map.grid.size
 }
 

@@ -33,31 +33,37 @@ impl<const N: usize> OddPolynomial<N> {
 
     /// The first root of f', infinite where there is none.
     pub(super) fn fold(&self) -> f64 {
-        let mut slope: Vec<f64> = self.0.iter().enumerate().map(|(i, a)| (2 * i + 3) as f64 * a).collect();
-        while slope.last() == Some(&0.0) {
-            slope.pop();
+        // 1 + c1 s + c2 s² + ..., s = r².
+        let mut slope = self.0;
+        for (i, c) in slope.iter_mut().enumerate() {
+            *c *= (2 * i + 3) as f64;
         }
-        match slope[..] {
+        let degree = slope.iter().rposition(|c| *c != 0.0).map_or(0, |last| last + 1);
+        let s = match slope[..degree] {
             [] => f64::INFINITY,
-            [b] => (if b < 0.0 { -1.0 / b } else { f64::INFINITY }).sqrt(),
-            // 1 + b s + a s², s = r².
-            [b, a] => {
-                let discriminant = b * b - 4.0 * a;
-                let s = match (b < 0.0, a < 0.0) {
-                    (true, _) if discriminant >= 0.0 => 2.0 / (discriminant.sqrt() - b),
-                    (false, true) => (b + discriminant.sqrt()) / (-2.0 * a),
+            [c1] => {
+                if c1 < 0.0 {
+                    -1.0 / c1
+                } else {
+                    f64::INFINITY
+                }
+            }
+            [c1, c2] => {
+                let discriminant = c1 * c1 - 4.0 * c2;
+                match (c1 < 0.0, c2 < 0.0) {
+                    (true, _) if discriminant >= 0.0 => 2.0 / (discriminant.sqrt() - c1),
+                    (false, true) => (c1 + discriminant.sqrt()) / (-2.0 * c2),
                     _ => f64::INFINITY,
-                };
-                s.sqrt()
+                }
             }
             // In 1/s the polynomial is monic, and the first root the largest.
             _ => {
-                slope.reverse();
-                slope.push(1.0);
-                let largest = 1.0 + slope.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
-                positive_roots(&slope, largest).last().map_or(f64::INFINITY, |t| t.recip().sqrt())
+                let monic: Vec<f64> = slope[..degree].iter().rev().copied().chain([1.0]).collect();
+                let bound = 1.0 + monic.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
+                positive_roots(&monic, bound).last().map_or(f64::INFINITY, |t| t.recip())
             }
-        }
+        };
+        s.sqrt()
     }
 
     /// The r from 0 to `max`, at most the fold, with f(r) = `value`; `None` where there is none. Newton's method within a bracket.

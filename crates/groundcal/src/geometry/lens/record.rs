@@ -67,7 +67,18 @@ impl TryFrom<Record> for Lens {
     type Error = String;
 
     fn try_from(record: Record) -> Result<Self, String> {
-        let model = record.model.as_deref().unwrap_or("none");
+        let given = record.named().into_iter().filter_map(|(name, value)| Some((name, value?)));
+        Self::from_named(record.model.as_deref().unwrap_or("none"), given)
+    }
+}
+
+impl Lens {
+    /// The lens of a model's name and parameters under their names; those not given are zero. Beside `none`, coefficients of
+    /// Brown-Conrady make a lens all the same.
+    ///
+    /// # Errors
+    /// What is wrong: an unknown model, a parameter that is not finite, or one other than zero that is not of the model.
+    pub fn from_named<'a>(model: &str, given: impl IntoIterator<Item = (&'a str, f64)>) -> Result<Self, String> {
         let start = match model {
             "none" | "radtan" => Self::radial(0.0, 0.0),
             "division" => Self::Division(Division::default()),
@@ -75,22 +86,20 @@ impl TryFrom<Record> for Lens {
             _ => return Err(format!("distortion.model is {model}: none, radtan, division or fisheye is read")),
         };
         let names = start.parameter_names();
-        for (name, value) in record.named() {
-            match value {
-                Some(value) if !value.is_finite() => {
-                    return Err(format!("distortion.{name} is {value}: it must be finite"));
+        let mut parameters = vec![0.0; names.len()];
+        for (name, value) in given {
+            if !value.is_finite() {
+                return Err(format!("distortion.{name} is {value}: it must be finite"));
+            }
+            match names.iter().position(|n| *n == name) {
+                Some(at) => parameters[at] = value,
+                None if value == 0.0 => {}
+                None => {
+                    let names = names.join(", ");
+                    return Err(format!("distortion.{name} is {value}: the model {model} has {names} alone"));
                 }
-                Some(value) if value != 0.0 && !names.contains(&name) => {
-                    return Err(format!(
-                        "distortion.{name} is {value}: the model {model} has {} alone",
-                        names.join(", ")
-                    ));
-                }
-                _ => {}
             }
         }
-        let of = |name: &&str| record.named().iter().find(|(n, _)| n == name).and_then(|(_, v)| *v).unwrap_or(0.0);
-        let parameters: Vec<f64> = names.iter().map(of).collect();
         match start.with_parameters(&parameters) {
             Some(Self::Radtan(radtan)) if model == "none" && radtan.is_none() => Ok(Self::None),
             Some(lens) => Ok(lens),
