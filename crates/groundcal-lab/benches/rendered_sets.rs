@@ -392,8 +392,7 @@ fn rms(values: &[f64]) -> f64 {
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    if values.is_empty() { f64::NAN } else { values[values.len() / 2] }
+    if values.is_empty() { f64::NAN } else { groundcal::numerics::statistics::median(&mut values) }
 }
 
 /// Compares a calibration with the truth, prints its line and returns what it adds to the tally.

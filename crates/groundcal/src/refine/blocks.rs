@@ -60,19 +60,14 @@ impl CameraState {
         Intrinsics { fx, fy: fx * p[1].exp(), cx: p[2], cy: p[3], skew: p[4] }
     }
 
-    /// Numbers of the block.
-    pub fn len(&self) -> usize {
+    /// How many numbers the block has.
+    pub fn count(&self) -> usize {
         MATRIX + self.lens.parameter_names().len()
-    }
-
-    /// Never: a camera has a matrix.
-    pub fn is_empty(&self) -> bool {
-        false
     }
 
     /// The numbers of the block in their order.
     pub fn numbers(&self) -> DVector<f64> {
-        DVector::from_iterator(self.len(), self.matrix.iter().copied().chain(self.lens.parameters()))
+        DVector::from_iterator(self.count(), self.matrix.iter().copied().chain(self.lens.parameters()))
     }
 
     /// With numbers of the block moved by steps.

@@ -161,7 +161,7 @@ pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
     for (k, (camera, unknowns)) in i.state.cameras.iter().zip(i.cameras).enumerate() {
         let rig_free: [bool; RIG_POSE] = std::array::from_fn(|n| k > 0 && unknowns.rig_free[n] && (n < 3 || floor));
         layout.rig.push(Block::at(&mut layout.size, rig_free));
-        layout.cameras.push(Block::at(&mut layout.size, (0..camera.len()).map(|n| unknowns.is_free(n))));
+        layout.cameras.push(Block::at(&mut layout.size, (0..camera.count()).map(|n| unknowns.is_free(n))));
     }
     layout
 }

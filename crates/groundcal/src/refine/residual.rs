@@ -281,7 +281,7 @@ mod tests {
         let block = (0..5).rfind(|&b| BEGIN[b] <= i).expect("one of them");
         let number = i - BEGIN[block];
         match block {
-            0 if number < camera.len() => camera = camera.moved(std::iter::once((number, by))),
+            0 if number < camera.count() => camera = camera.moved(std::iter::once((number, by))),
             0 => {}
             1 => rig = rig.moved(&SVector::from_fn(|r, _| if r == number { by } else { 0.0 })),
             2 => match number {
