@@ -156,7 +156,7 @@ fn straying_motions(solved: &Solved, joint: &Joint, pairs: &[PairObservation], n
     let sigma = joint.bundle.attitude_sigma.sigma;
     let delta = |image: ImageId| {
         let view = joint.views.of(image)?;
-        Some(joint.bundle.state.views[view.index()].delta_rad)
+        Some(joint.bundle.state.frames[view.index()].delta_rad)
     };
     let strays = |&id: &PairId| {
         let pair = &pairs[id];

@@ -4,13 +4,15 @@
 //! Without this, twenty noisy copies of one attitude look like twenty slightly different attitudes, and the noise between
 //! them passes for information on the principal point.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Complex, Matrix4, Vector4};
 
 use crate::{
     error::Error,
     geometry::intrinsics::Intrinsics,
     ids::ImageId,
-    numerics::statistics::chi_squared_survival,
+    numerics::{graph::components, statistics::chi_squared_survival},
     observer::{Observer, Silent},
     pairs::circular_points::{CircularPoint, MotionGeometry},
     start::absolute_conic::WeightedPoint,
@@ -174,23 +176,17 @@ pub(crate) fn group_attitudes_until(
     Ok(apart)
 }
 
-/// Sets of motions joined by common images.
+/// Sets of motions joined by common images, in the order of their last members.
 fn connected_by_images(motions: &[Motion]) -> Vec<Vec<usize>> {
-    let mut sets: Vec<(std::collections::BTreeSet<ImageId>, Vec<usize>)> = Vec::new();
+    let images = motions.iter().map(|m| m.from.max(m.to).index() + 1).max().unwrap_or(0);
+    let label = components(images, motions.iter().map(|m| (m.from.index(), m.to.index())));
+    let mut sets: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (i, m) in motions.iter().enumerate() {
-        let (mut images, mut members) = (std::collections::BTreeSet::from([m.from, m.to]), vec![i]);
-        sets.retain_mut(|(known, list)| {
-            let touches = known.contains(&m.from) || known.contains(&m.to);
-            if touches {
-                images.append(known);
-                members.append(list);
-            }
-            !touches
-        });
-        members.sort_unstable();
-        sets.push((images, members));
+        sets.entry(label[m.from.index()]).or_default().push(i);
     }
-    sets.into_iter().map(|(_, members)| members).collect()
+    let mut sets: Vec<Vec<usize>> = sets.into_values().collect();
+    sets.sort_by_key(|members| members.last().copied());
+    sets
 }
 
 /// One circular point for motions of one attitude. All pairs among V images repeat the noise of V - 1 independent ones,

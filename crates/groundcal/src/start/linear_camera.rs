@@ -402,14 +402,7 @@ fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptio
     } else {
         1.0
     };
-    let (fx, fy, scale) = (intrinsics.fx, intrinsics.fy, frame.scale_px);
-    let mut jacobian = SMatrix::<f64, 5, 5>::zeros();
-    jacobian[(0, 0)] = fx;
-    jacobian[(1, 0)] = fy;
-    jacobian[(1, 1)] = fy;
-    for i in 2..5 {
-        jacobian[(i, i)] = scale;
-    }
+    let jacobian = frame.pixels_by_logarithms(&intrinsics);
     let free = options.constraint.free();
     CameraSolution {
         intrinsics,
