@@ -3,7 +3,7 @@
 use groundcal::remedy::{Remedy, Wording, either};
 
 /// Remedies that are options of a command are named by them; the others are in the library's words.
-pub struct Flags;
+pub(crate) struct Flags;
 
 impl Wording for Flags {
     fn remedy(&self, remedy: &Remedy) -> String {

@@ -1,4 +1,4 @@
-//! Time of each stage on one thread: `cargo bench`. Prints the median and the fastest of repeated runs.
+//! Time of each stage on one thread: `cargo bench -p groundcal-lab --bench stages`. Prints the median and the fastest of repeated runs.
 
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 

@@ -1,10 +1,9 @@
-//! A capture plan: the numbers as data, as a shot list, and as a figure.
+//! A capture plan as a shot list and as a figure.
 
 use groundcal::{
-    plan::{PlannedMotion, Prediction, Shares},
-    result::{Prior, Warning, WarningReport},
+    plan::{PlannedMotion, Prediction, Shares, report::PlanReport},
+    result::{Warning, WarningReport},
 };
-use serde::Serialize;
 
 use crate::{
     number::{fixed, short},
@@ -14,74 +13,6 @@ use crate::{
 
 /// Room for the number of a shot.
 const INDENT: usize = 4;
-
-/// Everything that is known of a plan.
-#[derive(Debug, Clone, Serialize)]
-pub struct PlanReport {
-    /// Version of this format.
-    pub format_version: u32,
-    /// What carries the camera.
-    pub rig: RigReport,
-    /// What the error bars rest on.
-    pub assumed: Assumed,
-    /// The camera as known from the calibration given; `None` without one.
-    pub before: Option<Prediction>,
-    /// The motions, in their order.
-    pub motions: Vec<PlannedMotion>,
-    /// What was assumed beforehand and how much it counts.
-    pub priors: Vec<Prior>,
-    /// What to beware of.
-    pub warnings: Vec<WarningReport>,
-}
-
-/// How the camera can move.
-#[derive(Debug, Clone, Serialize)]
-pub struct RigReport {
-    /// Its name, in words.
-    pub name: &'static str,
-    /// Whether it turns by driving on.
-    #[serde(skip)]
-    pub drives: bool,
-    /// Tilts below the horizon.
-    pub tilts_deg: Vec<f64>,
-    /// Rolls, the right-hand side down.
-    pub rolls_deg: Vec<f64>,
-    /// Turns between two pictures.
-    pub turns_deg: Vec<f64>,
-    /// Of the camera over the floor.
-    pub height_m: f64,
-    /// From the camera back to the axis.
-    pub axis_offset_m: f64,
-    /// Floor this far away can be matched.
-    pub reach_m: f64,
-}
-
-/// What the error bars rest on.
-#[derive(Debug, Clone, Serialize)]
-pub struct Assumed {
-    /// Width and height.
-    pub image_size: [usize; 2],
-    /// Focal length along x, pixels.
-    pub fx: f64,
-    /// Focal length along y, pixels.
-    pub fy: f64,
-    /// Principal point, x.
-    pub cx: f64,
-    /// Principal point, y.
-    pub cy: f64,
-    /// Of each coordinate of a match.
-    pub noise_px: f64,
-    /// Matches of two pictures that show the same floor from border to border.
-    pub points: f64,
-    /// Motions asked for.
-    pub motions: usize,
-    /// Name of the constraint.
-    pub constraint: &'static str,
-    /// How far tilt and roll stray between pictures.
-    pub attitude_sigma_deg: f64,
-    /// How far the height strays, relatively.
-    pub height_sigma: f64,
-}
 
 /// The plan as a shot list; `calibrate` is the command for the pictures.
 pub fn text(report: &PlanReport, calibrate: &str, width: usize) -> String {
@@ -240,7 +171,7 @@ fn deviations(report: &PlanReport, width: usize) -> String {
         .into_iter()
         .fold(Table::new().name("motions").number("f\n%"), Table::number);
     let mut row = |name: String, p: Option<&Prediction>| {
-        let Some(p) = p else { return table.row([name, "-".into()]) };
+        let Some(p) = p else { return table.row([name, "not determined yet".into()]) };
         let s = &p.standard_deviation;
         let numbers = [s.fx, s.fy, s.cx, s.cy, s.k1, s.k2].map(|v| v.map_or("held".into(), short));
         let shares = [p.share.principal_point, p.share.lens, p.share.aspect];
@@ -259,7 +190,7 @@ fn deviations(report: &PlanReport, width: usize) -> String {
 
 /// What is assumed beforehand, and whether the motions tell it too.
 fn priors(report: &PlanReport) -> Table {
-    let mut table = Table::new().name("assumed").number("mean").number("std. dev.").note("");
+    let mut table = Table::new().name("assumed").number("mean").number("std. dev.").name("");
     for p in &report.priors {
         let held = if p.posterior_over_prior > 0.7 {
             "held by this; the motions do not tell it".to_string()
@@ -274,7 +205,6 @@ fn priors(report: &PlanReport) -> Table {
 
 fn warnings(report: &PlanReport, width: usize) -> String {
     let one = |w: &WarningReport| {
-        // That one is about the plan, the others are about the calibration to be expected of it.
         let expected = if matches!(w.warning, Warning::LargeStrays { .. }) { "" } else { "expect " };
         format!("\n{}\n", wrapped(&format!("{expected}warning [{}]: {}", w.warning.code(), w.message), 0, width))
     };

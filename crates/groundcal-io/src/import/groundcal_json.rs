@@ -8,7 +8,8 @@ use groundcal::result::{
 };
 
 use crate::error::IoError;
-use crate::import::{FOCAL_LENGTHS_PX, ImportedCamera};
+use crate::import::imported::ImportedCamera;
+use crate::limits::FOCAL_LENGTHS_PX;
 
 const HINT: &str = "Name the calibration.json that `groundcal calibrate --out` wrote";
 /// How far an eigenvalue of a matrix of correlations may lie below zero: the rounding of numbers that are nearly tied.
@@ -106,16 +107,8 @@ fn check_camera(c: &Calibration) -> Result<(), String> {
             return Err(format!("camera.{name} is {value:?}: it must be positive, and 1e7 px at most"));
         }
     }
-    let lens = camera.lens();
-    let others = [
-        ("cx", camera.cx),
-        ("cy", camera.cy),
-        ("skew", camera.skew),
-        ("distortion.k1", lens.k1),
-        ("distortion.k2", lens.k2),
-        ("distortion.p1", lens.p1),
-        ("distortion.p2", lens.p2),
-    ];
+    // What the lens has is finite when it is read.
+    let others = [("cx", camera.cx), ("cy", camera.cy), ("skew", camera.skew)];
     match others.iter().find(|(_, v)| !v.is_finite()) {
         Some((name, value)) => Err(format!("camera.{name} is {value}: it must be finite")),
         None => Ok(()),
@@ -189,9 +182,10 @@ fn covariance<P: Copy + PartialEq>(c: &Covariance<P>) -> Result<(), String> {
         // A variance of zero or less with something beside it.
         _ => f64::INFINITY,
     });
-    // The eigenvalues of nothing are not to be had.
-    let possible = correlation.iter().all(|r| r.abs() <= 1.0 + ROUNDING)
-        && (n == 0 || correlation.symmetric_eigenvalues().iter().all(|e| *e >= -ROUNDING * n as f64));
+    // An empty matrix has no eigenvalues to ask for.
+    let possible = n == 0
+        || correlation.iter().all(|r| r.abs() <= 1.0 + ROUNDING)
+            && correlation.symmetric_eigenvalues().iter().all(|e| *e >= -ROUNDING * n as f64);
     if possible { Ok(()) } else { Err("matrix is no covariance: it has a negative variance".into()) }
 }
 
@@ -200,8 +194,12 @@ pub fn camera(text: &str) -> Result<ImportedCamera, String> {
     let calibration = parse(text)?;
     let c = &calibration.camera;
     let size = [c.size().width as f64, c.size().height as f64];
-    let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), (c.lens(), 0.0))?;
-    Ok(ImportedCamera { covariance: covariance_of_parameters(&calibration), ..camera })
+    let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), c.lens())?;
+    Ok(ImportedCamera {
+        covariance: covariance_of_parameters(&calibration),
+        lens_source: c.distortion.source,
+        ..camera
+    })
 }
 
 /// The covariance, or else the squares of the standard deviations; nothing where neither is there.
@@ -277,7 +275,7 @@ mod tests {
         let later = "\"format_version\": 1, \"schema_version\": 9";
         wrong("\"format_version\": 1", later, &["schema_version is 9", "reads 1 to 2"]);
         wrong("\"format_version\": 1,", "", &["no format_version", "calibration.json"]);
-        wrong("radtan", "fisheye", &["fisheye", "radtan"]);
+        wrong("radtan", "omni", &["omni", "radtan"]);
         wrong("\"joint\"", "\"magic\"", &["magic", "rotating"]);
         wrong("[800, 600]", "[0, 600]", &["0 x 600"]);
         wrong("\"position\": [0.0, 0.0, 1.0]", "\"position\": [0.0, 0.0, -1.0]", &["views[0]", "a.jpg", "height"]);

@@ -10,7 +10,11 @@
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
+pub mod after;
+mod candidate;
+pub mod carriers;
 mod information;
+pub mod report;
 mod search;
 
 use nalgebra::SMatrix;
@@ -28,6 +32,7 @@ use crate::{
     synthetic::points::MotionSpec,
 };
 
+use candidate::{Candidate, inverse_free, ln_f_variance};
 pub use information::CameraMatrix;
 use information::Setting;
 
@@ -147,33 +152,6 @@ pub struct Plan {
     pub warnings: Vec<Warning>,
     /// Motions looked at.
     pub candidates: usize,
-}
-
-/// A motion of the grid with what it says.
-struct Candidate {
-    spec: MotionSpec,
-    information: CameraMatrix,
-    matches: f64,
-    overlap: f64,
-}
-
-/// Inverse over the free numbers, zero elsewhere; `None` when singular.
-fn inverse_free(information: &CameraMatrix, free: &[bool; CAMERA]) -> Option<CameraMatrix> {
-    let kept: Vec<usize> = (0..CAMERA).filter(|&i| free[i]).collect();
-    let dense = nalgebra::DMatrix::from_fn(kept.len(), kept.len(), |r, c| information[(kept[r], kept[c])]);
-    let inverse = inverse_spd(&dense)?;
-    let mut out = CameraMatrix::zeros();
-    for (r, &i) in kept.iter().enumerate() {
-        for (c, &j) in kept.iter().enumerate() {
-            out[(i, j)] = inverse[(r, c)];
-        }
-    }
-    Some(out)
-}
-
-/// Variance of ln √(fx fy).
-fn ln_f_variance(c: &CameraMatrix) -> f64 {
-    c[(0, 0)] + c[(0, 1)] + 0.25 * c[(1, 1)]
 }
 
 /// Degrees without the rounding of their way through radians.

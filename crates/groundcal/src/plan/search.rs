@@ -1,7 +1,12 @@
 //! The choice of motions: greedy, then exchanges (Fedorov 1972, *Theory of Optimal Experiments*).
 
-use crate::plan::{CameraMatrix, Candidate, inverse_free, ln_f_variance};
-use crate::refine::CAMERA;
+use crate::{
+    plan::{
+        candidate::{Candidate, inverse_free, ln_f_variance},
+        information::CameraMatrix,
+    },
+    refine::CAMERA,
+};
 
 /// Relative gain in the standard deviation of f for which a less simple motion is taken, and for which one is exchanged.
 const WORTH: f64 = 0.01;
