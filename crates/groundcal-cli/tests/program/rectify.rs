@@ -457,7 +457,7 @@ fn bad_input_is_refused_by_name() {
     let mut calibration = truth_json(&tiled());
     let good = write(folder.path(), "good.json", calibration.to_string());
 
-    fails(&["rectify", "nowhere.json", &images], INPUT, &["nowhere.json", "cannot be read"]);
+    fails(&["rectify", "nowhere.json", &images], INPUT, &["nowhere.json", "does not exist"]);
     fails(&["rectify", &at("README.md"), &images], INPUT, &["README.md", "not a calibration", "calibration.json"]);
     fails(
         &["rectify", &good, &at("examples/head")],
