@@ -593,7 +593,7 @@ fn opencv_reads_the_maps_and_undistorts_alike() {
         let there = text(&out.path().join(fit));
         done(&["undistort", &folder, &folder, "--out", &there, "--maps", "--fit", fit]);
         let original = text(&tiled_folder().join("a.png"));
-        let output = Command::new(&python).args(["-c", COMPARE, &original, &there, "a.png"]).output().unwrap();
+        let output = Command::new(python).args(["-c", COMPARE, &original, &there, "a.png"]).output().unwrap();
         let printed = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{printed}{}", String::from_utf8_lossy(&output.stderr));
         println!("{fit}: {printed}");

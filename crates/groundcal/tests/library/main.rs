@@ -7,6 +7,7 @@ mod floor;
 mod homographies;
 mod plan;
 mod refinement;
+mod refinement_blocks;
 mod rotating_camera;
 mod selection;
 mod shared_data;
