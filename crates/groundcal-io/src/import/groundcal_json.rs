@@ -167,10 +167,6 @@ fn covariance<P: Copy + PartialEq>(c: &Covariance<P>) -> Result<(), String> {
     if (0..n).any(|i| c.parameters[..i].contains(&c.parameters[i])) {
         return Err("parameters: a name is there twice".into());
     }
-    // Nothing was estimated; an empty matrix has no eigenvalues to ask for.
-    if n == 0 {
-        return Ok(());
-    }
     let sigma: Vec<f64> = (0..n).map(|i| c.matrix[i][i].max(0.0).sqrt()).collect();
     let unequal = |i: usize, j: usize| {
         let (a, b) = (c.matrix[i][j], c.matrix[j][i]);
