@@ -13,6 +13,7 @@ use std::{io::Cursor, path::PathBuf, process::ExitCode, time::Instant};
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
     geometry::{attitude::up_in_camera, size::ImageSize},
+    numerics::statistics::median,
     result::{Calibration, Parameter},
     start::absolute_conic::Constraint,
     vision::image::GrayImage,
@@ -378,9 +379,9 @@ impl Tally {
             each[2],
             each[3],
             rms(&self.k1_z),
-            median(judged.iter().map(|z| z.abs()).collect()),
-            median(self.f_error_percent.clone()),
-            median(self.f_sigma_percent.clone()),
+            median(&mut judged.iter().map(|z| z.abs()).collect::<Vec<_>>()),
+            median(&mut self.f_error_percent.clone()),
+            median(&mut self.f_sigma_percent.clone()),
             self.refused,
             self.false_motions,
         );
@@ -389,11 +390,6 @@ impl Tally {
 
 fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    if values.is_empty() { f64::NAN } else { values[values.len() / 2] }
 }
 
 /// Compares a calibration with the truth, prints its line and returns what it adds to the tally.

@@ -74,7 +74,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), CliError> {
 
 /// What goes to standard output, with notes for standard error.
 fn compared(args: &CompareArgs) -> Result<(String, Vec<String>), CliError> {
-    let cameras = args.files.iter().map(|f| import::read_camera(f)).collect::<Result<Vec<ImportedCamera>, _>>()?;
+    let cameras = args.files.iter().map(import::read_camera).collect::<Result<Vec<ImportedCamera>, _>>()?;
     let of = |(file, camera): (&String, &ImportedCamera)| {
         camera.notes.iter().map(|n| format!("{}: {n}", plain(file))).collect::<Vec<_>>()
     };

@@ -4,15 +4,13 @@ use std::{fmt::Write, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    floor::placed::{Placed, placed},
-    result::{Calibration, Method},
-};
-use groundcal::{
     floor::{
         layout::{self, DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, ResolutionError, sets_of_one_world},
+        placed::{Placed, placed},
         rectify::{Mosaic, rectify},
         view::{FloorGrid, FloorView},
     },
+    result::{Calibration, Method},
     vision::resample::{Pyramid, Resampled},
 };
 use groundcal_io::{

@@ -10,7 +10,7 @@ use groundcal::{
 use crate::{
     error::IoError,
     export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, source::Source, write::write_whole},
-    text::quoted,
+    text::{quoted, shown},
 };
 
 /// A format of another program.
@@ -176,7 +176,7 @@ pub fn write_formats(
 ) -> Result<(Vec<PathBuf>, Vec<String>), IoError> {
     let rendered = render(calibration, formats)?;
     std::fs::create_dir_all(folder)
-        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", folder.display())))?;
+        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", shown(folder))))?;
     let mut paths = Vec::with_capacity(rendered.files.len());
     for file in &rendered.files {
         let path = folder.join(file.name);

@@ -14,7 +14,7 @@ use crate::{
     },
     refine::{
         BundleOptions, Kind,
-        model::{Pose, Projector},
+        residual::{Pose, Projector},
     },
     result::evidence::{Evidence, MatchEvidence, ObservationEvidence, PairEvidence},
 };
@@ -69,21 +69,20 @@ fn pair_evidence(pair: &PairObservation, lens: Option<&Lens>, frame: &Frame) -> 
 
 fn observations(joint: &Joint, frame: &Frame) -> Vec<ObservationEvidence> {
     let b = &joint.bundle;
-    let d = &joint.distortion;
-    let projector = Projector::new(&b.state.camera, [d.p1, d.p2]);
-    let poses: Vec<Pose> = b.state.views.iter().map(|v| Pose::new(b.scene, &b.state.groups[v.group], v)).collect();
-    let huber = BundleOptions::default().huber;
+    let projector = Projector::new(&b.state.cameras[0]);
+    let poses: Vec<Pose> = b.state.frames.iter().map(|v| Pose::new(b.scene, &b.state.groups[v.group], v)).collect();
+    let huber = BundleOptions::HUBER;
     let mut all = Vec::with_capacity(b.counts[0]);
     for (t, track) in joint.tracks.iter().enumerate() {
         let n = track.observations.len() as f64;
         // The point follows its observations: a residual is smaller than the error by this much.
         let share = (n - 1.0) / n;
         for (o, squared) in track.observations.iter().zip(&b.squared_residuals[t]) {
-            let camera_point = poses[o.view].camera_point(&b.state.points[t]);
+            let camera_point = poses[o.frame].camera_point(&b.state.points[t]);
             let Some(predicted) = projector.project(&camera_point) else { continue };
             let deviations = (squared * b.design_effects[track.kind as usize] / share).sqrt();
             all.push(ObservationEvidence {
-                image: joint.views.image(ViewId::new(o.view)).index(),
+                image: joint.views.image(ViewId::new(o.frame)).index(),
                 track: t,
                 patch: track.kind == Kind::Patch,
                 pixel: o.pixel.into(),

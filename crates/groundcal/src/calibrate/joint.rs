@@ -7,12 +7,9 @@ use crate::{
     geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
     ids::{GroupId, PairId},
     numerics::{levenberg_marquardt::StopReason, linalg::inverse_spd},
-    refine::{Bundle, BundleOptions, CAMERA, GroupEstimate, Kind, Track, disagreement, model::pixels_by_camera},
+    refine::{Bundle, BundleOptions, CAMERA, GroupEstimate, Kind, Track, bundle::pixels_by_camera, disagreement},
     result::{Refinement, ResidualReport},
-    start::{
-        absolute_conic::intrinsics_of,
-        linear_camera::{CameraSolution, PriorParameter, PriorUse},
-    },
+    start::linear_camera::{CameraSolution, PriorParameter, PriorUse},
 };
 
 /// Pairs of views of different attitudes with a common plane: whether it can be the floor of both.
@@ -46,16 +43,16 @@ pub(super) struct Joint {
 }
 
 impl Joint {
-    pub(super) fn new(bundle: Bundle, tracks: Vec<Track>, views: Views, tangential: [f64; 2], frame: &Frame) -> Self {
-        let c = &bundle.state.camera;
-        let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&c.fixed_rows::<5>(0).into()));
+    pub(super) fn new(bundle: Bundle, tracks: Vec<Track>, views: Views, frame: &Frame) -> Self {
+        let camera = &bundle.cameras[0];
+        let mut intrinsics = frame.intrinsics_to_pixel(&camera.state.intrinsics_in_frame());
         intrinsics.skew += 0.0;
         let jacobian = pixels_by_camera(&intrinsics, frame);
-        let [p1, p2] = tangential;
+        let [k1, k2, p1, p2] = ["k1", "k2", "p1", "p2"].map(|name| camera.state.lens.parameter(name).unwrap_or(0.0));
         Self {
             intrinsics,
-            distortion: Distortion { k1: c[5], k2: c[6], p1, p2 },
-            covariance_px: jacobian * bundle.covariance * jacobian.transpose(),
+            distortion: Distortion { k1, k2, p1, p2 },
+            covariance_px: jacobian * camera.fixed_covariance() * jacobian.transpose(),
             by_camera: jacobian,
             views,
             cross_links: Vec::new(),
@@ -80,14 +77,14 @@ impl Joint {
 
     /// The best known of the groups that have an attitude of the closed-form solution.
     pub(super) fn group_with(&self, attitude: usize) -> Option<&GroupEstimate> {
-        let tilt = |g: &GroupEstimate| g.covariance.fixed_view::<2, 2>(CAMERA, CAMERA).trace();
+        let tilt = |g: &GroupEstimate| g.covariance.rest().view((0, 0), (2, 2)).trace();
         let members = self.attitudes.iter().zip(&self.bundle.groups).filter(|(a, _)| **a == attitude);
         members.map(|(_, g)| g).min_by(|a, b| tilt(a).total_cmp(&tilt(b)))
     }
 
     /// Covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units.
     pub(super) fn camera_covariance(&self) -> SMatrix<f64, 5, 5> {
-        self.bundle.covariance.fixed_view::<5, 5>(0, 0).into_owned()
+        self.bundle.cameras[0].covariance.fixed_view::<5, 5>(0, 0).into_owned()
     }
 
     fn residuals(&self, kind: Kind) -> Option<ResidualReport> {
@@ -118,7 +115,7 @@ impl Joint {
 
     /// How much of the variance of ln fx comes from the lens.
     pub(super) fn share_of_lens(&self) -> f64 {
-        let c = &self.bundle.covariance;
+        let c = self.bundle.cameras[0].fixed_covariance();
         let free: Vec<usize> = (5..CAMERA).filter(|&i| c[(i, i)] > 0.0).collect();
         let lens = DMatrix::from_fn(free.len(), free.len(), |r, s| c[(free[r], free[s])]);
         let cross = DVector::from_fn(free.len(), |r, _| c[(free[r], 0)]);
@@ -131,20 +128,22 @@ impl Joint {
     /// The closed-form solution with the refined numbers in their places.
     pub(super) fn solution(&self, start: CameraSolution, options: &BundleOptions) -> CameraSolution {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
-        let ratio = |i: usize, sigma: f64| self.bundle.covariance[(i, i)].max(0.0).sqrt() / sigma;
+        let covariance = self.bundle.cameras[0].fixed_covariance();
+        let ratio = |i: usize, sigma: f64| covariance[(i, i)].max(0.0).sqrt() / sigma;
+        let unknowns = &options.cameras[0];
         let of_camera = start.priors.into_iter().map(|p| {
             let index = PriorParameter::ALL.iter().position(|n| *n == p.parameter);
-            let known = index.and_then(|i| Some(ratio(i, options.priors[i]?.1)));
+            let known = index.and_then(|i| Some(ratio(i, unknowns.prior(i)?.1)));
             PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), ..p }
         });
         let of_lens = (5..CAMERA).filter_map(|i| {
-            let (mean, sigma) = options.priors[i]?;
+            let (mean, sigma) = unknowns.prior(i)?;
             let parameter = PriorParameter::ALL[i];
             Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma) })
         });
         let priors = of_camera.chain(of_lens).collect();
         let mut estimated = start.estimated;
-        estimated[4] = options.free[4];
+        estimated[4] = unknowns.is_free(4);
         CameraSolution {
             intrinsics: self.intrinsics,
             covariance_px: self.covariance_px.fixed_view::<5, 5>(0, 0).into_owned(),

@@ -8,7 +8,7 @@ use crate::{
         known_lens::{K1_SIGMA, K2_SIGMA},
         robust::RobustOptions,
     },
-    refine::BundleOptions,
+    refine::{BundleOptions, CameraUnknowns},
     result::calibration::ATTITUDE_SIGMA_DEG,
     start::{
         absolute_conic::Constraint,
@@ -248,24 +248,22 @@ impl Options {
         let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);
         let lens_prior =
             |free: bool, parameter, sigma: f64| free.then(|| self.given_prior(parameter).unwrap_or((0.0, sigma)));
-        BundleOptions {
-            free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some(), k1, k2],
-            priors: [
-                priors[0],
-                priors[1],
-                priors[2],
-                priors[3],
-                priors[4],
+        let image_half_sides = [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px);
+        let unknowns = CameraUnknowns {
+            matrix_free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some()],
+            matrix_priors: priors,
+            lens_free: vec![k1, k2],
+            lens_priors: vec![
                 lens_prior(k1, PriorParameter::K1, K1_SIGMA),
                 lens_prior(k2, PriorParameter::K2, K2_SIGMA),
             ],
-            // Those of an estimated lens are zero.
-            tangential: [self.distortion.p1, self.distortion.p2],
+            ..CameraUnknowns::new(frame, image_half_sides)
+        };
+        BundleOptions {
             attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
             attitude_scale_rad: camera.attitude_sigma_rad,
             height_sigma: self.height_sigma,
-            image_half_sides: [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px),
-            ..BundleOptions::default()
+            ..BundleOptions::new(vec![unknowns])
         }
     }
 }

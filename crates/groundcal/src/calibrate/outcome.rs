@@ -16,7 +16,7 @@ use crate::{
     geometry::plane_view::View,
     ids::{GroupId, ViewId},
     pairs::{known_lens::KnownLens, observation::PairObservation},
-    refine::{CAMERA, SceneModel, ViewEstimate},
+    refine::{CAMERA, SceneModel, VIEW_NUMBERS, ViewEstimate},
     result::{
         AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Prior, Scene,
         StandardDeviation, ViewParameter, ViewReport, Warning,
@@ -152,10 +152,10 @@ fn attitude_reports(
     let k = &solved.solution.intrinsics;
     let report = |(g, (group, attitude)): (usize, (&AttitudeGroup, &Attitude))| {
         let refined = solved.joint.as_ref().and_then(|j| Some((j, j.group_with(g)?)));
-        let sigma = |i: usize| refined.map(|(_, g)| g.covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt());
+        let sigma = |i: usize| refined.map(|(_, g)| g.covariance.rest()[(i, i)].max(0.0).sqrt());
         let over_floor = refined.filter(|(j, _)| j.bundle.scene == SceneModel::Floor);
         let horizon_sigma =
-            refined.and_then(|(j, g)| attitude.horizon_sigma(k, stages.size, &j.in_pixels(&g.covariance)));
+            refined.and_then(|(j, g)| attitude.horizon_sigma(k, stages.size, &j.in_pixels(&g.covariance.fixed())));
         AttitudeReport {
             pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
             pitch_down_sigma_deg: sigma(0).map(f64::to_degrees),
@@ -179,14 +179,14 @@ fn view_reports(joint: &Joint, names: Names<'_>) -> Vec<ViewReport> {
     let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
         let e = estimate.as_ref()?;
         let floor = b.scene == SceneModel::Floor;
-        let covariance = joint.in_pixels(&e.covariance);
+        let covariance = joint.in_pixels::<VIEW_NUMBERS>(&e.covariance.fixed());
         let sigma_deg = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt().to_degrees();
         let [pitch_down_rad, roll_rad] = e.pitch_roll_rad;
         let view = View { pitch_down_rad, roll_rad, yaw_rad: e.yaw_rad, centre: e.centre };
         let over_floor = FloorView::new(&joint.intrinsics, &joint.distortion, &view).ok().filter(|_| floor);
         Some(ViewReport {
             image: name(v),
-            attitude: joint.attitude_of(GroupId::new(b.state.views[v].group)),
+            attitude: joint.attitude_of(GroupId::new(b.state.frames[v].group)),
             origin: name(e.origin),
             yaw_deg: e.yaw_rad.to_degrees(),
             yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),

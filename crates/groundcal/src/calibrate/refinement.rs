@@ -8,7 +8,7 @@ use crate::{
     calibrate::{
         attitude::Attitude,
         joint::{Joint, SharedFloors},
-        setup::{Setup, ViewGroups, camera_vector},
+        setup::{Setup, ViewGroups, starting_camera},
         views::Views,
     },
     error::Error,
@@ -17,7 +17,8 @@ use crate::{
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{
-        BundleOptions, Kind, SceneModel, State, adjust_until,
+        BundleOptions, Kind, SceneModel, State,
+        adjust::adjust_until,
         start::{floor_deviation, rotations_from_links, state_from_links},
     },
     remedy::Remedy,
@@ -80,7 +81,7 @@ pub(super) fn refine_motions(
         let k = Intrinsics { fx: k.fx * factor, fy: k.fy * factor, ..*k };
         let of_solution = attitudes_under(&k, pairs, &used, solution, frame);
         let attitudes: Vec<Matrix3<f64>> = groups.attitudes.iter().map(|&a| of_solution[a]).collect();
-        let camera = camera_vector(&k, lens, options.k2_is_held, frame);
+        let camera = starting_camera(&k, lens, options.k2_is_held, frame);
         state_from_links(scene, camera, &k, &attitudes, &groups.indices(), &setup.links)
     };
     let starts = factors.iter().filter_map(start).collect();
@@ -89,7 +90,7 @@ pub(super) fn refine_motions(
     if scene == SceneModel::Directions || solution.groups.len() < 2 {
         return Ok(Some(joint));
     }
-    with_cross_links(joint, pairs, (&used, &groups), lens, options, observer).map(Some)
+    with_cross_links(joint, pairs, &used, &groups, lens, options, observer).map(Some)
 }
 
 /// Attitudes of the groups of a solution as their circular points say under a camera matrix.
@@ -112,7 +113,8 @@ fn attitudes_under(
 fn with_cross_links(
     mut joint: Joint,
     pairs: &[PairObservation],
-    (used, groups): (&[PairId], &ViewGroups),
+    used: &[PairId],
+    groups: &ViewGroups,
     lens: &KnownLens,
     options: &RefinementOptions,
     observer: &dyn Observer,
@@ -130,7 +132,7 @@ fn with_cross_links(
     let attitudes: Vec<Matrix3<f64>> = state.groups.iter().map(|g| g.attitude).collect();
     let start = state_from_links(
         joint.bundle.scene,
-        state.camera,
+        state.cameras[0],
         &joint.intrinsics,
         &attitudes,
         &groups.indices(),
@@ -158,7 +160,7 @@ fn cross_attitude_links(joint: &Joint, pairs: &[PairObservation], used: &[PairId
     let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
     let state = &joint.bundle.state;
     let candidate = |pair: &PairObservation| {
-        let [a, b] = joint.views.of_pair(pair)?.map(|view| state.views[view.index()].group);
+        let [a, b] = joint.views.of_pair(pair)?.map(|view| state.frames[view.index()].group);
         let plane = pair.moving_plane().filter(|plane| plane.inliers.len() >= MIN_LINK_MATCHES)?;
         let m = k_inverse * plane.estimate.h_b_from_a.matrix() * k;
         let deviation = floor_deviation(&m, [a, b].map(|group| &state.groups[group].attitude))?;
@@ -201,7 +203,7 @@ pub(super) fn refine_turning(
     let attitudes = rotations_from_links(attitude_rotation(0.0, 0.0), views.len(), k, &setup.links)
         .ok_or_else(|| failed("the pairs do not connect the images"))?;
     let groups: Vec<usize> = (0..views.len()).collect();
-    let camera = camera_vector(k, lens, options.k2_is_held, frame);
+    let camera = starting_camera(k, lens, options.k2_is_held, frame);
     let start = state_from_links(SceneModel::Directions, camera, k, &attitudes, &groups, &setup.links);
     adjusted(SceneModel::Directions, setup, views, start.into_iter().collect(), &options, observer)
 }
@@ -221,7 +223,7 @@ fn adjusted(
             detail: "the homographies of the motions fit no camera".into(),
         });
     }
-    let bundle = adjust_until(scene, &options.frame, &setup.tracks, starts, &options.bundle, observer)?;
+    let bundle = adjust_until(scene, &setup.tracks, starts, &options.bundle, observer)?;
     let [patches, points] = bundle.variance_factors;
     if scene == SceneModel::Directions && patches.max(points) > MAX_ROTATION_VARIANCE {
         return Err(Error::NoUsableMotion {
@@ -234,5 +236,5 @@ fn adjusted(
             remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
         });
     }
-    Ok(Joint::new(bundle, setup.tracks, views, options.bundle.tangential, &options.frame))
+    Ok(Joint::new(bundle, setup.tracks, views, &options.frame))
 }

@@ -3,18 +3,19 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::{Matrix2, Vector2};
+use nalgebra::Vector2;
 
 use crate::{
     calibrate::views::Views,
     geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
     ids::{GroupId, PairId, ViewId},
+    numerics::graph::components,
     pairs::{
         correspondence::PointMatch, known_lens::KnownLens, observation::PairObservation, plane_lens::Lens,
         refine::sampson_squared, robust::RobustHomography,
     },
-    refine::{CameraVector, Kind, Observation, Track, start::Link, tracks::join_matches},
-    start::linear_camera::{CameraSolution, parameters_in_frame},
+    refine::{CameraState, Kind, Observation, Track, start::Link, tracks::join_matches},
+    start::linear_camera::CameraSolution,
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
@@ -82,11 +83,8 @@ fn matches_of(all: &[&JoinedPair], lens: Option<&Lens>, frame: &Frame) -> Vec<[O
         for k in near_plane(joined.pair, joined.plane, lens, frame) {
             let m = &joined.pair.matches[k];
             let variance = (noise * m.sigma_px * m.sigma_px).max(LEAST_NOISE_PX.powi(2));
-            let observation = |view: ViewId, pixel: Vector2<f64>| Observation {
-                view: view.index(),
-                pixel,
-                information: Matrix2::from_diagonal_element(1.0 / variance),
-            };
+            let observation =
+                |view: ViewId, pixel: Vector2<f64>| Observation::new(view.index(), pixel, variance.sqrt());
             let [a, b] = joined.views;
             matches.push([observation(a, m.a), observation(b, m.b)]);
         }
@@ -135,11 +133,7 @@ impl ViewGroups {
         solution: &CameraSolution,
     ) -> Option<Self> {
         let joined: Vec<[ViewId; 2]> = used.iter().map(|&id| views.of_pair(&pairs[id])).collect::<Option<_>>()?;
-        let mut label: Vec<usize> = (0..views.len()).collect();
-        for pair in &joined {
-            let [a, b] = pair.map(|view| label[view.index()]);
-            label.iter_mut().filter(|l| **l == a.max(b)).for_each(|l| *l = a.min(b));
-        }
+        let label = components(views.len(), joined.iter().map(|[a, b]| (a.index(), b.index())));
         let roots: BTreeSet<usize> = label.iter().copied().collect();
         let of_view: Vec<GroupId> = label.iter().map(|l| GroupId::new(roots.range(..l).count())).collect();
         let mut attitudes = vec![0; roots.len()];
@@ -159,7 +153,7 @@ impl ViewGroups {
 }
 
 /// Camera matrix and lens as the refinement starts from them; `k2_is_held`: an estimated lens has none.
-pub(super) fn camera_vector(k: &Intrinsics, lens: &KnownLens, k2_is_held: bool, frame: &Frame) -> CameraVector {
+pub(super) fn starting_camera(k: &Intrinsics, lens: &KnownLens, k2_is_held: bool, frame: &Frame) -> CameraState {
     let distortion = match lens {
         KnownLens::NotModelled => Distortion::default(),
         KnownLens::Given(lens) => lens.distortion,
@@ -167,9 +161,7 @@ pub(super) fn camera_vector(k: &Intrinsics, lens: &KnownLens, k2_is_held: bool, 
             finding.lens().map_or(Distortion::default(), |l| l.with_focal_length(k.fx).distortion)
         }
     };
-    let mut camera = CameraVector::zeros();
-    camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(k, frame));
     let without_k2 = k2_is_held && lens.is_estimated();
-    (camera[5], camera[6]) = (distortion.k1, if without_k2 { 0.0 } else { distortion.k2 });
-    camera
+    let distortion = Distortion { k2: if without_k2 { 0.0 } else { distortion.k2 }, ..distortion };
+    CameraState::new(k, &distortion.into(), frame)
 }

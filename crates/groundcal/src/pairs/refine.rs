@@ -262,7 +262,12 @@ impl Default for RefineOptions {
     fn default() -> Self {
         Self {
             kept_fraction: 1.0,
-            lm: LmOptions { max_iterations: 30, relative_cost_tolerance: 1e-10, step_tolerance: 1e-15 },
+            lm: LmOptions {
+                max_iterations: 30,
+                relative_cost_tolerance: 1e-10,
+                step_tolerance: 1e-15,
+                ..LmOptions::default()
+            },
         }
     }
 }

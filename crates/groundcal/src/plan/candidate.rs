@@ -1,8 +1,14 @@
-//! A motion that may be planned, and what sums of information say of the camera.
+//! What a set of motions is judged by: the variance of ln f, from an information matrix over the camera's numbers.
 
-use crate::{
-    numerics::linalg::inverse_spd, plan::information::CameraMatrix, refine::CAMERA, synthetic::points::MotionSpec,
-};
+use nalgebra::SMatrix;
+
+use crate::{numerics::linalg::inverse_spd, synthetic::points::MotionSpec};
+
+/// Numbers of the camera that a plan is made for: ln fx, ln fy/fx, cx, cy, skew, k1, k2.
+pub(super) const NUMBERS: usize = 7;
+
+/// A symmetric matrix over ln fx, ln fy/fx, cx, cy, skew (frame units), k1, k2.
+pub type CameraMatrix = SMatrix<f64, NUMBERS, NUMBERS>;
 
 /// A motion of the grid with what it says.
 pub(super) struct Candidate {
@@ -13,8 +19,8 @@ pub(super) struct Candidate {
 }
 
 /// Inverse over the free numbers, zero elsewhere; `None` when singular.
-pub(super) fn inverse_free(information: &CameraMatrix, free: &[bool; CAMERA]) -> Option<CameraMatrix> {
-    let kept: Vec<usize> = (0..CAMERA).filter(|&i| free[i]).collect();
+pub(super) fn inverse_free(information: &CameraMatrix, free: &[bool; NUMBERS]) -> Option<CameraMatrix> {
+    let kept: Vec<usize> = (0..NUMBERS).filter(|&i| free[i]).collect();
     let dense = nalgebra::DMatrix::from_fn(kept.len(), kept.len(), |r, c| information[(kept[r], kept[c])]);
     let inverse = inverse_spd(&dense)?;
     let mut out = CameraMatrix::zeros();

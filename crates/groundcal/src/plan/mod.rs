@@ -10,6 +10,7 @@
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
+pub mod after;
 mod candidate;
 pub mod carriers;
 mod information;
@@ -24,15 +25,15 @@ use crate::{
     error::Error,
     geometry::{constraint::Constraint, distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
     numerics::linalg::inverse_spd,
-    refine::{CAMERA, CameraVector, model::pixels_by_camera},
+    refine::{CameraState, bundle::pixels_by_camera},
     remedy::Remedy,
     result::{PrincipalPointDoubt, Prior, StandardDeviation, Warning},
-    start::linear_camera::{PriorParameter, check_certainty, parameters_in_frame},
+    start::linear_camera::{PriorParameter, check_certainty},
     synthetic::points::MotionSpec,
 };
 
-use candidate::{Candidate, inverse_free, ln_f_variance};
-pub use information::CameraMatrix;
+pub use candidate::CameraMatrix;
+use candidate::{Candidate, NUMBERS, inverse_free, ln_f_variance};
 use information::Setting;
 
 /// How a camera can move. Every pitch may be combined with every roll and every turn.
@@ -74,7 +75,7 @@ pub struct PlanOptions {
 
 /// A calibration to be improved: the covariance of (fx, fy, cx, cy, skew, k1, k2) in pixels squared, zero rows for what it held.
 /// It has the priors in it.
-pub type Start = SMatrix<f64, CAMERA, CAMERA>;
+pub type Start = SMatrix<f64, NUMBERS, NUMBERS>;
 
 /// Relative deviation of heights taken where none is given: that of a tripod or a robot on a floor.
 pub const HEIGHT_SIGMA: f64 = 1e-3;
@@ -226,26 +227,25 @@ impl Planner {
         options.validate()?;
         let (size, calibration) = (options.size, &options.calibration);
         let frame = Frame::new(size, calibration.principal_point_px);
-        let mut camera = CameraVector::zeros();
-        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&options.intrinsics, &frame));
-        (camera[5], camera[6]) = (options.distortion.k1, options.distortion.k2);
-        let mut assumed = calibration.assumptions(size);
-        assumed.tangential = [options.distortion.p1, options.distortion.p2];
+        let camera = CameraState::new(&options.intrinsics, &options.distortion.into(), &frame);
+        let assumed = calibration.assumptions(size);
+        let unknowns = &assumed.cameras[0];
+        let mut free: [bool; NUMBERS] = std::array::from_fn(|i| unknowns.is_free(i));
         let base = match start {
             Some(covariance) => {
                 let back = pixels_by_camera(&options.intrinsics, &frame)
                     .try_inverse()
                     .ok_or_else(|| Error::InvalidInput("a camera matrix that is singular".into()))?;
                 let in_frame = back * covariance * back.transpose();
-                assumed.free = std::array::from_fn(|i| in_frame[(i, i)] > LEAST_VARIANCE);
+                free = std::array::from_fn(|i| in_frame[(i, i)] > LEAST_VARIANCE);
                 // Without a focal length there is nothing to improve.
-                let known = assumed.free[0].then(|| inverse_free(&in_frame, &assumed.free)).flatten();
+                let known = free[0].then(|| inverse_free(&in_frame, &free)).flatten();
                 known.ok_or_else(|| {
                     Error::InvalidInput("a covariance that is not positive definite in what was estimated".into())
                 })?
             }
             None => CameraMatrix::from_diagonal(&nalgebra::SVector::from_fn(|i, _| {
-                assumed.priors[i].filter(|_| assumed.free[i]).map_or(0.0, |(_, sigma)| sigma.powi(-2))
+                unknowns.prior(i).filter(|_| free[i]).map_or(0.0, |(_, sigma)| sigma.powi(-2))
             })),
         };
         Ok(Self {
@@ -253,6 +253,7 @@ impl Planner {
                 size,
                 frame,
                 camera,
+                free,
                 options: assumed,
                 height_sigma: calibration.height_sigma.unwrap_or(HEIGHT_SIGMA),
                 noise_px: options.noise_px,
@@ -323,7 +324,7 @@ impl Planner {
         if let Some(Err(error)) = outcome {
             return Err(error);
         }
-        let covariance = inverse_free(&sum, &self.setting.options.free).unwrap_or_default();
+        let covariance = inverse_free(&sum, &self.setting.free).unwrap_or_default();
         let priors = self.priors(&covariance);
         let specs: Vec<MotionSpec> = chosen.iter().take(motions.len()).map(|&i| candidates[i].spec).collect();
         Ok(Plan {
@@ -337,7 +338,7 @@ impl Planner {
 
     /// Motions one by one, each of pictures of its own: indices of the candidates, and the information after each.
     fn separate(&self, candidates: &[Candidate]) -> (Vec<usize>, Vec<CameraMatrix>) {
-        let chosen = search::choose(candidates, &self.base, &self.setting.options.free, self.motions, !self.started);
+        let chosen = search::choose(candidates, &self.base, &self.setting.free, self.motions, !self.started);
         let sums = chosen
             .iter()
             .scan(self.base, |sum, &i| {
@@ -355,7 +356,7 @@ impl Planner {
         };
         let whole: Vec<Candidate> =
             candidates.iter().map(|c| Candidate { information: of(&c.spec, self.motions), ..*c }).collect();
-        let best = search::choose(&whole, &self.base, &self.setting.options.free, 1, false);
+        let best = search::choose(&whole, &self.base, &self.setting.free, 1, false);
         let Some(&i) = best.first() else { return (best, Vec::new()) };
         let sums: Vec<CameraMatrix> =
             (1..=self.motions).map(|links| self.base + of(&candidates[i].spec, links)).collect();
@@ -462,7 +463,7 @@ impl Planner {
                 unclear(),
             )
         };
-        let free = &self.setting.options.free;
+        let free = &self.setting.free;
         let c = inverse_free(information, free).filter(|c| c[(0, 0)] < HOPELESS * HOPELESS).ok_or_else(singular)?;
         let of_matrix = c.fixed_view::<5, 5>(0, 0).into_owned();
         check_certainty(&of_matrix, self.calibration.constraint, 1, &self.setting.frame).map_err(
@@ -508,7 +509,7 @@ impl Planner {
     fn priors(&self, covariance: &CameraMatrix) -> Vec<Prior> {
         let frame = &self.setting.frame;
         let of = |i: usize| {
-            let (mean, sigma) = self.setting.options.priors[i].filter(|_| self.setting.options.free[i])?;
+            let (mean, sigma) = self.setting.options.cameras[0].prior(i).filter(|_| self.setting.free[i])?;
             let (value, unit) = match i {
                 0 => (mean.exp() * frame.scale_px, mean.exp() * frame.scale_px),
                 1 => (mean.exp(), mean.exp()),
@@ -524,13 +525,13 @@ impl Planner {
                 posterior_over_prior: covariance[(i, i)].sqrt() / sigma,
             })
         };
-        (0..CAMERA).filter_map(of).collect()
+        (0..NUMBERS).filter_map(of).collect()
     }
 
     /// What the calibration of the motions planned is going to warn of.
     fn warnings(&self, motions: &[MotionSpec], covariance: &CameraMatrix, priors: &[Prior]) -> Vec<Warning> {
         let mut out = Vec::new();
-        let free = &self.setting.options.free;
+        let free = &self.setting.free;
         if !self.started {
             if motions.len() == 1 {
                 out.push(Warning::SingleMotion);

@@ -4,14 +4,13 @@
 //! Then every pair's homography is K R K⁻¹, whatever the axis. That is told from a plane by a focal length that makes
 //! K⁻¹ H K a rotation for pairs of all images at once.
 
-use std::collections::BTreeMap;
-
 use nalgebra::Matrix3;
 
 use crate::{
     error::Error,
     geometry::{intrinsics::Intrinsics, size::ImageSize},
     ids::{ImageId, PairId},
+    numerics::graph::{components, largest_component},
     pairs::observation::{PairObservation, images_of, why_no_motion},
     remedy::Remedy,
     select::{
@@ -127,13 +126,8 @@ fn deviation_from_rotation(pair: &PairObservation, k: &Intrinsics) -> Option<f64
 
 /// The pairs of the largest set of images that pairs connect.
 fn largest_connected(some: &[PairId], pairs: &[PairObservation]) -> Vec<PairId> {
-    let mut label: BTreeMap<ImageId, ImageId> = images_of(some, pairs).into_iter().map(|i| (i, i)).collect();
-    for &id in some {
-        let [a, b] = pairs[id].images().map(|image| label[&image]);
-        let (keep, change) = (a.min(b), a.max(b));
-        label.values_mut().filter(|l| **l == change).for_each(|l| *l = keep);
-    }
-    let size = |root: ImageId| label.values().filter(|l| **l == root).count();
-    let largest = label.values().copied().max_by(|a, b| size(*a).cmp(&size(*b)).then(b.cmp(a)));
-    some.iter().copied().filter(|&id| Some(label[&pairs[id].from]) == largest).collect()
+    let edges = || some.iter().map(|&id| pairs[id].images().map(ImageId::index)).map(|[a, b]| (a, b));
+    let label = components(edges().map(|(a, b)| a.max(b) + 1).max().unwrap_or(0), edges());
+    let largest = largest_component(&label);
+    some.iter().copied().filter(|&id| Some(label[pairs[id].from.index()]) == largest).collect()
 }

@@ -245,7 +245,8 @@ impl ConicSolution {
 pub fn refine(points: &[WeightedPoint], start: &Parameters, free: [bool; 5], priors: &Priors) -> Option<ConicSolution> {
     let free: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
     let problem = MaximumLikelihood { points, priors, free };
-    let options = LmOptions { max_iterations: 40, relative_cost_tolerance: 1e-9, step_tolerance: 1e-13 };
+    let options =
+        LmOptions { max_iterations: 40, relative_cost_tolerance: 1e-9, step_tolerance: 1e-13, ..LmOptions::default() };
     let out = minimise(&problem, *start, &options)?;
     let inverse = inverse_spd(&out.linearised.information)?;
     let mut covariance = SMatrix::<f64, 5, 5>::zeros();

@@ -8,19 +8,23 @@ use groundcal::{
         distortion::Distortion,
         frame::Frame,
         intrinsics::Intrinsics,
+        lens::Lens,
         size::ImageSize,
     },
     numerics::levenberg_marquardt::LmOptions,
     pairs::correspondence::ImagePair,
-    refine::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
+    refine::{
+        BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
+        Track, adjust,
+    },
     result::Calibration,
-    start::{absolute_conic::Constraint, linear_camera::parameters_in_frame},
+    start::absolute_conic::Constraint,
     synthetic::{
         bound::{HeightModel, cramer_rao_bound},
         points::{MotionSpec, PointScene, turning_pairs},
     },
 };
-use nalgebra::{Matrix2, Matrix3, Vector2};
+use nalgebra::{Matrix3, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
@@ -175,22 +179,21 @@ fn four_motions_of_one_attitude_do_not_determine_the_principal_point() {
 /// Points of motions as the refinement takes them, and the true state.
 fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
     let frame = Frame::new(scene.size, None);
-    let information = Matrix2::from_diagonal_element(1.0 / scene.sigma_px.max(1e-4).powi(2));
-    let seen = |view: usize, pixel: Vector2<f64>| Observation { view, pixel, information };
+    let seen = |frame: usize, pixel: Vector2<f64>| Observation::new(frame, pixel, scene.sigma_px.max(1e-4));
     let tracks = scene
         .pairs()
         .iter()
         .flat_map(|p| p.pair.matches.clone().into_iter().map(|m| (p.pair.from, p.pair.to, m)))
         .map(|(a, b, m)| Track { kind: Kind::Point, observations: vec![seen(a, m.a), seen(b, m.b)] })
         .collect();
-    let mut camera = CameraVector::zeros();
-    camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&scene.intrinsics, &frame));
+    let camera = CameraState::new(&scene.intrinsics, &Lens::radial(0.0, 0.0), &frame);
     let groups = scene
         .motions
         .iter()
-        .map(|m| GroupState { attitude: attitude_rotation(m.pitch_down_rad, m.roll_rad), ln_height: 0.0 });
-    let views = scene.motions.iter().enumerate().flat_map(|(group, m)| {
-        m.views().map(|v| ViewState {
+        .map(|m| GroupState { attitude: attitude_rotation(m.pitch_down_rad, m.roll_rad), ln_height: 0.0 })
+        .collect();
+    let frames = scene.motions.iter().enumerate().flat_map(|(group, m)| {
+        m.views().map(|v| FrameState {
             group,
             delta_rad: [0.0; 2],
             yaw_rad: v.yaw_rad,
@@ -199,35 +202,35 @@ fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
             ln_height_ratio: (v.centre.z / m.height).ln(),
         })
     });
-    (frame, tracks, State { camera, groups: groups.collect(), views: views.collect(), points: Vec::new() })
+    (frame, tracks, State::of_one_camera(camera, groups, frames.collect()))
 }
 
-const EXACT: BundleOptions = BundleOptions {
-    free: [true, true, true, true, false, false, false],
-    priors: [None; 7],
-    tangential: [0.0; 2],
-    attitude_sigma_rad: Some(0.0),
-    attitude_scale_rad: 1e-3,
-    height_sigma: Some(0.0),
-    huber: 1e6,
-    image_half_sides: [1.15, 0.86],
-    lm: LmOptions { max_iterations: 60, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 },
-};
+/// Zero skew and no lens to estimate, exact axes and heights, every residual in full.
+fn exact(frame: Frame) -> BundleOptions {
+    let camera = CameraUnknowns { lens_free: Vec::new(), ..CameraUnknowns::new(frame, [1.15, 0.86]) };
+    BundleOptions {
+        attitude_sigma_rad: Some(0.0),
+        height_sigma: Some(0.0),
+        huber: 1e6,
+        lm: LmOptions { max_iterations: 60, ..LmOptions::default() },
+        ..BundleOptions::new(vec![camera])
+    }
+}
 
 #[test]
 fn exact_matches_come_back_from_a_start_far_off() {
     let scene = PointScene { sigma_px: 0.0, ..PointScene::nominal(3) };
     let (frame, tracks, truth) = bundle_of(&scene);
     let mut start = truth.clone();
-    start.camera[0] += 0.2;
-    start.camera[2] -= 0.05;
+    start.cameras[0].matrix[0] += 0.2;
+    start.cameras[0].matrix[2] -= 0.05;
     for (i, g) in start.groups.iter_mut().enumerate() {
         g.attitude = g.turned([0.05, -0.04 * (i as f64 - 1.0)]);
     }
-    let found = adjust(SceneModel::Floor, &frame, &tracks, vec![start], &EXACT).expect("refined");
-    let error = (found.state.camera - truth.camera).norm();
+    let found = adjust(SceneModel::Floor, &tracks, vec![start], &exact(frame)).expect("refined");
+    let error = (found.state.cameras[0].matrix - truth.cameras[0].matrix).norm();
     assert!(error < 1e-9, "{error}");
-    for (v, t) in found.state.views.iter().zip(&truth.views) {
+    for (v, t) in found.state.frames.iter().zip(&truth.frames) {
         // The heading of the world is that of the first view, wherever it started.
         assert!((v.position.norm() - t.position.norm()).abs() < 1e-8);
     }
@@ -239,8 +242,8 @@ fn the_stated_covariance_is_the_cramer_rao_bound() {
     for (height_sigma, model) in [(0.0, HeightModel::Constant), (10.0, HeightModel::Free)] {
         let scene = PointScene { sigma_px: 0.02, ..PointScene::nominal(5) };
         let (frame, tracks, truth) = bundle_of(&scene);
-        let options = BundleOptions { height_sigma: Some(height_sigma), ..EXACT };
-        let found = adjust(SceneModel::Floor, &frame, &tracks, vec![truth], &options).expect("refined");
+        let options = BundleOptions { height_sigma: Some(height_sigma), ..exact(frame) };
+        let found = adjust(SceneModel::Floor, &tracks, vec![truth], &options).expect("refined");
         let pairs = scene.pairs();
         let motions: Vec<_> =
             scene.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
@@ -249,10 +252,10 @@ fn the_stated_covariance_is_the_cramer_rao_bound() {
         // The noise is estimated; the weights rest when it agrees with them to half a per cent.
         let noise = found.variance_factors[Kind::Point as usize];
         let student = found.degrees_of_freedom / (found.degrees_of_freedom - 2.0);
-        let ln_fx = found.covariance[(0, 0)] / (noise * student);
+        let ln_fx = found.cameras[0].covariance[(0, 0)] / (noise * student);
         let ratio = ln_fx * scene.intrinsics.fx.powi(2) / bound[(0, 0)];
         assert!((ratio - 1.0).abs() < 6e-3, "{model:?}: {ratio}");
-        let cy = found.covariance[(3, 3)] * frame.scale_px.powi(2) / (noise * student);
+        let cy = found.cameras[0].covariance[(3, 3)] * frame.scale_px.powi(2) / (noise * student);
         assert!((cy / bound[(3, 3)] - 1.0).abs() < 6e-3, "{model:?}: {cy} {}", bound[(3, 3)]);
     }
 }
@@ -260,12 +263,13 @@ fn the_stated_covariance_is_the_cramer_rao_bound() {
 #[test]
 fn no_start_no_answer_and_no_panic() {
     let (frame, tracks, truth) = bundle_of(&PointScene::nominal(1));
-    assert!(adjust(SceneModel::Floor, &frame, &tracks, Vec::new(), &EXACT).is_err());
+    let options = exact(frame);
+    assert!(adjust(SceneModel::Floor, &tracks, Vec::new(), &options).is_err());
     let mut foreign = tracks.clone();
-    foreign[3].observations[1].view = 99;
-    let refused = adjust(SceneModel::Floor, &frame, &foreign, vec![truth.clone()], &EXACT);
+    foreign[3].observations[1].frame = 99;
+    let refused = adjust(SceneModel::Floor, &foreign, vec![truth.clone()], &options);
     assert!(matches!(refused, Err(Error::InvalidInput(text)) if text.contains("track 3")));
     let mut broken = truth;
-    broken.camera[0] = f64::NAN;
-    assert!(adjust(SceneModel::Floor, &frame, &tracks, vec![broken], &EXACT).is_err());
+    broken.cameras[0].matrix[0] = f64::NAN;
+    assert!(adjust(SceneModel::Floor, &tracks, vec![broken], &options).is_err());
 }

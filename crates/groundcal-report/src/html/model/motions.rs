@@ -3,6 +3,7 @@
 use groundcal::{
     floor::view::{FloorGrid, FloorView},
     geometry::{plane_view::View, size::ImageSize},
+    numerics::graph::components,
     remedy::Wording,
     result::{
         Calibration, MotionReport,
@@ -226,15 +227,8 @@ pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<
             if like.len() >= enough { like } else { Vec::new() }
         })
         .collect();
-    let mut label: Vec<usize> = (0..rejected.len()).collect();
-    for (i, like) in among.iter().enumerate() {
-        for &k in like {
-            let (keep, change) = (label[i].min(label[k]), label[i].max(label[k]));
-            if keep != change {
-                label.iter_mut().filter(|l| **l == change).for_each(|l| *l = keep);
-            }
-        }
-    }
+    let edges = among.iter().enumerate().flat_map(|(i, like)| like.iter().map(move |&k| (i, k)));
+    let label = components(rejected.len(), edges);
     let mut found: Vec<Cluster> = (0..rejected.len())
         .map(|root| (0..rejected.len()).filter(|&i| label[i] == root).map(|i| rejected[i]).collect::<Vec<_>>())
         .filter(|members| members.len() >= CLUSTER_REJECTED)
