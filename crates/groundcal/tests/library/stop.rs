@@ -2,6 +2,7 @@
 //!
 //! Counted, not timed: a poll is a question whether to stop.
 
+
 use std::{
     collections::HashMap,
     path::Path,
