@@ -2,8 +2,6 @@
 //!
 //! Counted, not timed: a poll is a question whether to stop.
 
-#![allow(clippy::expect_used)] // a test may end in a panic
-
 use std::{
     collections::HashMap,
     path::Path,
