@@ -3,13 +3,15 @@
 use clap::{Args, ValueEnum};
 use groundcal::{
     calibrate::LensModel,
-    geometry::size::ImageSize,
+    geometry::{camera::Camera, size::ImageSize},
     start::{
         absolute_conic::Constraint,
         linear_camera::{GivenPrior, PriorParameter},
     },
 };
-use groundcal_io::pictures::PictureFormat;
+use groundcal_io::{export::Format, import::ImportedCamera, pictures::PictureFormat};
+
+use crate::error::CliError;
 
 /// `--threads`.
 #[derive(Debug, Clone, Copy, Args)]
@@ -124,4 +126,42 @@ impl From<PictureFormatArg> for PictureFormat {
             PictureFormatArg::Jpeg => PictureFormat::Jpeg,
         }
     }
+}
+
+/// [`Format`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FormatArg {
+    /// camera_opencv.yaml: OpenCV's FileStorage
+    Opencv,
+    /// camera_info.yaml: ROS camera_info
+    Ros,
+    /// camchain.yaml: Kalibr
+    Kalibr,
+    /// cameras.txt, images.txt, points3D.txt: COLMAP
+    Colmap,
+    /// transforms.json: nerfstudio and its relatives
+    Nerfstudio,
+    /// camera_matlab.csv: the numbers as MATLAB counts pixels
+    Matlab,
+}
+
+impl From<FormatArg> for Format {
+    fn from(value: FormatArg) -> Self {
+        match value {
+            FormatArg::Opencv => Format::Opencv,
+            FormatArg::Ros => Format::Ros,
+            FormatArg::Kalibr => Format::Kalibr,
+            FormatArg::Colmap => Format::Colmap,
+            FormatArg::Nerfstudio => Format::Nerfstudio,
+            FormatArg::Matlab => Format::Matlab,
+        }
+    }
+}
+
+/// The camera of a file that has to say the size of its images.
+pub(crate) fn camera_of(file: &str, imported: &ImportedCamera) -> Result<Camera, CliError> {
+    let size = imported.size.ok_or_else(|| {
+        CliError::Input(format!("{file}: the size of the images is not said. Add image_width and image_height"))
+    })?;
+    Ok(Camera { size, intrinsics: imported.intrinsics, lens: imported.lens })
 }

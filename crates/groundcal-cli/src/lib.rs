@@ -16,7 +16,7 @@ use std::{
 
 use clap::{CommandFactory, Parser, Subcommand};
 
-use commands::{calibrate, compare, completions, experiment, man, plan, rectify, render, simulate, undistort};
+use commands::{calibrate, compare, completions, convert, experiment, man, plan, rectify, render, simulate, undistort};
 use error::CliError;
 
 /// Runs the program with a command line whose first word is the program's name; gives its exit code.
@@ -56,6 +56,7 @@ fn dispatch(command: Command) -> Result<(), CliError> {
         Command::Rectify(args) => rectify::run(&args),
         Command::Undistort(args) => undistort::run(&args),
         Command::Compare(args) => compare::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Completions(args) => completions::run(&args, Cli::command()),
         Command::Man(args) => man::run(&args, Cli::command()),
     }
@@ -99,6 +100,8 @@ enum Command {
     Undistort(undistort::UndistortArgs),
     /// How far calibrations differ: parameters with significance, reprojection in pixels
     Compare(compare::CompareArgs),
+    /// A camera file in the formats of other programs
+    Convert(convert::ConvertArgs),
     /// Shell completions, on standard output
     Completions(completions::CompletionsArgs),
     /// Manual pages

@@ -22,7 +22,7 @@ impl Wording for Flags {
                     0 => format!("`--constraint {c}`"),
                     _ => format!("`{c}`"),
                 });
-                return format!("use a stronger constraint ({})", either(named));
+                return format!("ask for less with a stronger constraint ({})", either(named));
             }
             Remedy::UseJointMethod => {
                 "over a floor use the joint method (the default, --method joint), which needs no fixed optical centre"
@@ -55,7 +55,7 @@ mod tests {
                 groundcal::start::absolute_conic::Constraint::Focal,
             ],
         });
-        assert_eq!(text, "use a stronger constraint (`--constraint auto` or `focal`)");
+        assert_eq!(text, "ask for less with a stronger constraint (`--constraint auto` or `focal`)");
         let spread = Flags.remedy(&Remedy::SpreadPoints);
         assert_eq!(spread, Remedy::SpreadPoints.to_string());
     }

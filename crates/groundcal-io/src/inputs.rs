@@ -154,7 +154,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join(OsStr::from_bytes(b"a\xff.jpg"));
         std::fs::write(&path, "").unwrap();
-        assert_eq!(find_images(&[folder.path()]).unwrap(), [path.clone()]);
+        assert_eq!(find_images(&[folder.path()]).unwrap(), std::slice::from_ref(&path));
         assert_eq!(find_images(&[&path]).unwrap(), [path]);
     }
 }

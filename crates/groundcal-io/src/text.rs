@@ -48,7 +48,12 @@ pub fn quoted(value: &str) -> String {
     format!("\"{}\"", plain(value))
 }
 
-/// The same without quotation marks.
+/// A sentence of another library, printable and not endless.
+pub(crate) fn sentence(text: &str) -> String {
+    shortened(&printable(text), MAX_PATH).into_owned()
+}
+
+/// A value of a file, printable and short.
 pub fn plain(value: &str) -> String {
     shortened(&printable(value), MAX_VALUE).into_owned()
 }

@@ -13,7 +13,8 @@ use std::{io::Cursor, path::PathBuf, process::ExitCode, time::Instant};
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
     geometry::{attitude::up_in_camera, size::ImageSize},
-    result::Calibration,
+    numerics::statistics::median,
+    result::{Calibration, Parameter},
     start::absolute_conic::Constraint,
     vision::image::GrayImage,
 };
@@ -378,9 +379,9 @@ impl Tally {
             each[2],
             each[3],
             rms(&self.k1_z),
-            median(judged.iter().map(|z| z.abs()).collect()),
-            median(self.f_error_percent.clone()),
-            median(self.f_sigma_percent.clone()),
+            median(&mut judged.iter().map(|z| z.abs()).collect::<Vec<_>>()),
+            median(&mut self.f_error_percent.clone()),
+            median(&mut self.f_sigma_percent.clone()),
             self.refused,
             self.false_motions,
         );
@@ -391,16 +392,12 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    if values.is_empty() { f64::NAN } else { groundcal::numerics::statistics::median(&mut values) }
-}
-
 /// Compares a calibration with the truth, prints its line and returns what it adds to the tally.
 fn judge(scene: &Scene, result: &Calibration, label: &str, seconds: f64, in_detail: bool) -> Tally {
     let (c, sd) = (&result.camera, &result.standard_deviation);
     let truth = scene.camera.intrinsics();
     let zs = [z(c.fx, truth.fx, sd.fx), z(c.fy, truth.fy, sd.fy), z(c.cx, truth.cx, sd.cx), z(c.cy, truth.cy, sd.cy)];
-    let k1_z = z(c.distortion.k1, scene.camera.k1, sd.k1);
+    let k1_z = z(c.value(Parameter::K1), scene.camera.k1, sd.k1);
     let group_of = |name: &str| scene.views().find(|(_, v)| v.file == name).map(|(g, _)| g);
     let is_false = |from: &str, to: &str| group_of(from) != group_of(to);
     let used = || result.motions.iter().filter(|m| m.used);
@@ -442,8 +439,8 @@ fn detail(scene: &Scene, result: &Calibration, group_of: &dyn Fn(&str) -> Option
         ("fy", c.fy, truth.fy, sd.fy),
         ("cx", c.cx, truth.cx, sd.cx),
         ("cy", c.cy, truth.cy, sd.cy),
-        ("k1", c.distortion.k1, scene.camera.k1, sd.k1),
-        ("k2", c.distortion.k2, scene.camera.k2, sd.k2),
+        ("k1", c.value(Parameter::K1), scene.camera.k1, sd.k1),
+        ("k2", c.value(Parameter::K2), scene.camera.k2, sd.k2),
     ] {
         println!("    {name} {found:.4} +- {}, truth {truth:.4}", sigma(s));
     }

@@ -9,7 +9,8 @@ use std::{
 };
 
 use groundcal_lab::lies::{
-    Family, Kind, Medium, Timed, compare, csv, export, families, read_json_lines, run, schedule, table, to_json_lines,
+    Family, Kind, Medium, SceneRecord, Timed, compare, csv, export, families, read_json_lines, run, schedule, table,
+    to_json_lines,
 };
 
 const USAGE: &str = "\
@@ -25,6 +26,7 @@ options:
   --compare OLD      a lies.jsonl of another version: what has changed (after the run, or with --with)
   --with NEW         compares with this file in place of a run
   --export I         writes scene I of the one family named to --out, to be looked into
+  --table FILE       the table of a lies.jsonl in place of a run
   --list             the families";
 /// A scene that takes longer is named.
 const SLOW_SECONDS: f64 = 30.0;
@@ -38,6 +40,7 @@ struct Arguments {
     compare: Option<PathBuf>,
     with: Option<PathBuf>,
     export: Option<usize>,
+    table: Option<PathBuf>,
     list: bool,
 }
 
@@ -51,6 +54,7 @@ fn arguments() -> Result<Arguments, String> {
         compare: None,
         with: None,
         export: None,
+        table: None,
         list: false,
     };
     let (mut controls, mut medium, mut names) = (false, None, None);
@@ -69,6 +73,7 @@ fn arguments() -> Result<Arguments, String> {
             "--out" => a.out = Some(value()?.into()),
             "--compare" => a.compare = Some(value()?.into()),
             "--with" => a.with = Some(value()?.into()),
+            "--table" => a.table = Some(value()?.into()),
             "--export" => a.export = Some(number(value()?)?),
             "--list" => a.list = true,
             _ => return Err(format!("unknown option {option}\n{USAGE}")),
@@ -87,7 +92,7 @@ fn arguments() -> Result<Arguments, String> {
     Ok(a)
 }
 
-fn read(path: &Path) -> Result<Vec<groundcal_lab::lies::SceneRecord>, Box<dyn std::error::Error>> {
+fn read(path: &Path) -> Result<Vec<SceneRecord>, Box<dyn std::error::Error>> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(read_json_lines(&text).map_err(|e| format!("{}: {e}", path.display()))?)
 }
@@ -134,6 +139,10 @@ fn work() -> Result<(), Box<dyn std::error::Error>> {
             return Err("--export needs --out and one --family".into());
         };
         return export(family, a.seed, index, folder);
+    }
+    if let Some(file) = &a.table {
+        print!("{}", table(&read(file)?));
+        return Ok(());
     }
     if let Some(new) = &a.with {
         let old = a.compare.as_ref().ok_or("--with needs --compare")?;

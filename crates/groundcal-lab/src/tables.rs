@@ -1,5 +1,7 @@
 //! Tables of numbers as CSV.
 
+use groundcal_report::number::{significant, trimmed};
+
 use crate::error::LabError;
 
 /// A CSV with a head line.
@@ -16,24 +18,14 @@ pub fn csv<S: AsRef<str>>(columns: &[&str], records: &[Vec<S>]) -> Result<Vec<u8
     writer.into_inner().map_err(|e| fail(&e))
 }
 
-/// Six significant digits, at most `places` of them after the point.
-fn rounded(value: f64, places: i32) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return value.to_string();
-    }
-    let digits = (5 - value.abs().log10().floor() as i32).clamp(0, places) as usize;
-    format!("{value:.digits$}")
-}
-
 /// Six significant digits, zeros at the end kept.
 pub fn six_digits(value: f64) -> String {
-    rounded(value, 12)
+    significant(value, 6, 12)
 }
 
 /// Six significant digits, no zeros at the end.
 pub fn six_digits_trimmed(value: f64) -> String {
-    let text = rounded(value, 20);
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_string() } else { text }
+    trimmed(&significant(value, 6, 20)).to_string()
 }
 
 /// As [`six_digits_trimmed`]; empty where there is no number.

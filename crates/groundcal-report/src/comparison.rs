@@ -32,6 +32,8 @@ pub struct ComparedCamera {
     pub format: &'static str,
     /// Width and height in pixels.
     pub image_size: [usize; 2],
+    /// Name of its lens model.
+    pub lens: &'static str,
 }
 
 /// One camera against the first.
@@ -130,6 +132,14 @@ fn text_of(all: &Comparisons, c: &Comparison, width: usize) -> String {
         None => format!("{w} x {h} px"),
     };
     let r = &c.reprojection;
+    let has_lens_rows = c.parameters.iter().any(|p| p.unit != "px");
+    let other_lens = if has_lens_rows {
+        String::new()
+    } else {
+        let text =
+            format!("Their lens models, {} and {}, have no coefficients in common.", all.reference.lens, c.camera.lens);
+        wrapped(&text, 0, width) + "\n"
+    };
     let reach = if r.compared < 1.0 {
         let text = format!(
             "Over {} % of the image; beyond, one of the lens models gives nothing.",
@@ -140,7 +150,7 @@ fn text_of(all: &Comparisons, c: &Comparison, width: usize) -> String {
         String::new()
     };
     format!(
-        "A: {} ({}), {w} x {h} px\nB: {} ({}), {size}\n\n{}\n{}\n{}\n{}(rotation {} degrees)\n{reach}",
+        "A: {} ({}), {w} x {h} px\nB: {} ({}), {size}\n\n{}{other_lens}\n{}\n{}\n{}(rotation {} degrees)\n{reach}",
         all.reference.file,
         all.reference.format,
         c.camera.file,
@@ -267,7 +277,12 @@ mod tests {
 
     #[test]
     fn the_text_says_what_differs_and_whether_it_matters() {
-        let camera = |file: &str| ComparedCamera { file: file.into(), format: "groundcal", image_size: [800, 600] };
+        let camera = |file: &str| ComparedCamera {
+            file: file.into(),
+            format: "groundcal",
+            image_size: [800, 600],
+            lens: "none",
+        };
         let fx = ParameterDifference {
             parameter: "fx",
             unit: "px",

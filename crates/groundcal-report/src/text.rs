@@ -4,7 +4,7 @@
 use groundcal::{
     numerics::statistics::NORMAL_95,
     remedy::Wording,
-    result::{Calibration, LensModelName, LensSource, Method, MotionReport, Parameter, Scene, Warning},
+    result::{Calibration, LensSource, Method, MotionReport, Parameter, Scene, Warning},
 };
 
 use crate::{
@@ -105,9 +105,9 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
 
 fn distortion(c: &Calibration) -> String {
     let d = &c.camera.distortion;
-    match (d.source, d.model) {
-        (LensSource::Given, _) => format!("given: k1 {}, k2 {}", d.k1, d.k2),
-        (LensSource::Estimated, LensModelName::None) => "estimated: none found".into(),
+    match (d.source, d.lens.is_none()) {
+        (LensSource::Given, _) => format!("given: k1 {}, k2 {}", c.value(Parameter::K1), c.value(Parameter::K2)),
+        (LensSource::Estimated, true) => "estimated: none found".into(),
         (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.name().into(),
     }
 }

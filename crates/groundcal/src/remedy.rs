@@ -239,7 +239,7 @@ impl std::fmt::Display for Remedy {
             Remedy::UseConstraint { any_of } => {
                 return write!(
                     f,
-                    "use a stronger constraint ({})",
+                    "ask for less with a stronger constraint ({})",
                     either(any_of.iter().map(|c| c.name().to_string()))
                 );
             }
@@ -297,11 +297,11 @@ mod tests {
     #[test]
     fn clauses_become_a_sentence() {
         let of = |c: &[Constraint]| Remedy::UseConstraint { any_of: c.to_vec() };
-        assert_eq!(of(&[Constraint::Focal]).to_string(), "use a stronger constraint (focal)");
+        assert_eq!(of(&[Constraint::Focal]).to_string(), "ask for less with a stronger constraint (focal)");
         let both = [of(&[Constraint::Auto, Constraint::Focal, Constraint::Square]), Remedy::RollCamera { deg: 30.0 }];
         assert_eq!(
             sentence("it is wrong", &both, &Plain),
-            "it is wrong. Use a stronger constraint (auto, focal or square), or roll the camera by 30 degrees or more for one or two motions"
+            "it is wrong. Ask for less with a stronger constraint (auto, focal or square), or roll the camera by 30 degrees or more for one or two motions"
         );
         assert_eq!(sentence("it is wrong", &[], &Plain), "it is wrong");
     }

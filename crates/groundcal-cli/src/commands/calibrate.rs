@@ -27,7 +27,7 @@ use groundcal_report::{
 };
 
 use crate::{
-    args::{ConstraintArg, DistortionArg, ThreadsArg, parse_height, parse_point, parse_prior, parse_size},
+    args::{ConstraintArg, DistortionArg, FormatArg, ThreadsArg, parse_height, parse_point, parse_prior, parse_size},
     error::CliError,
     output,
     progress::StageTimes,
@@ -157,36 +157,6 @@ impl From<MethodArg> for Method {
             MethodArg::Joint => Method::Joint,
             MethodArg::Linear => Method::Linear,
             MethodArg::Rotating => Method::Rotating,
-        }
-    }
-}
-
-/// [`Format`] on the command line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FormatArg {
-    /// camera_opencv.yaml: OpenCV's FileStorage
-    Opencv,
-    /// camera_info.yaml: ROS camera_info
-    Ros,
-    /// camchain.yaml: Kalibr
-    Kalibr,
-    /// cameras.txt, images.txt, points3D.txt: COLMAP
-    Colmap,
-    /// transforms.json: nerfstudio and its relatives
-    Nerfstudio,
-    /// camera_matlab.csv: the numbers as MATLAB counts pixels
-    Matlab,
-}
-
-impl From<FormatArg> for Format {
-    fn from(value: FormatArg) -> Self {
-        match value {
-            FormatArg::Opencv => Format::Opencv,
-            FormatArg::Ros => Format::Ros,
-            FormatArg::Kalibr => Format::Kalibr,
-            FormatArg::Colmap => Format::Colmap,
-            FormatArg::Nerfstudio => Format::Nerfstudio,
-            FormatArg::Matlab => Format::Matlab,
         }
     }
 }

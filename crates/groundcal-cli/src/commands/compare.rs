@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use groundcal::{
     geometry::{
-        camera,
+        camera::{self, INTRINSIC_NAMES},
         camera_difference::{camera_difference, significance},
         lens::{Lens, Radtan},
         size::ImageSize,
@@ -34,7 +34,7 @@ use groundcal_report::{
   groundcal compare result/ camchain.yaml#cam1 --json
 
 Reads calibration.json and truth.json of this program (or the folder they are in), OpenCV YAML and XML, ROS camera_info, Kalibr \
-camchain.yaml, COLMAP cameras.txt and nerfstudio transforms.json; the content tells the format. FILE#NAME names one camera of \
+camchain.yaml, COLMAP cameras.txt and nerfstudio transforms.json, fisheye lenses among them; the content tells the format. FILE#NAME names one camera of \
 several. Each camera is compared with the first. One whose images have another size, but the same shape, is scaled to it.
 
 The reprojection difference is what remains when the second camera is turned to fit the first best, as it is for everybody who \
@@ -54,6 +54,7 @@ pub(crate) struct CompareArgs {
 }
 
 /// A file's camera with a size that is known.
+#[derive(Clone)]
 struct Camera {
     model: camera::Camera,
     covariance: Option<Covariance<Parameter>>,
@@ -73,7 +74,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), CliError> {
 
 /// What goes to standard output, with notes for standard error.
 fn compared(args: &CompareArgs) -> Result<(String, Vec<String>), CliError> {
-    let cameras = args.files.iter().map(|f| import::read_camera(f)).collect::<Result<Vec<ImportedCamera>, _>>()?;
+    let cameras = args.files.iter().map(import::read_camera).collect::<Result<Vec<ImportedCamera>, _>>()?;
     let of = |(file, camera): (&String, &ImportedCamera)| {
         camera.notes.iter().map(|n| format!("{}: {n}", plain(file))).collect::<Vec<_>>()
     };
@@ -85,20 +86,14 @@ fn compared(args: &CompareArgs) -> Result<(String, Vec<String>), CliError> {
         ))
     })?;
     let with_size = |camera: &ImportedCamera| Camera {
-        model: camera::Camera {
-            size: camera.size.unwrap_or(known),
-            intrinsics: camera.intrinsics,
-            lens: Lens::Radtan(Radtan::new({
-                let d = &camera.distortion;
-                [d.k1, d.k2, d.p1, d.p2, camera.k3]
-            })),
-        },
+        model: camera::Camera { size: camera.size.unwrap_or(known), intrinsics: camera.intrinsics, lens: camera.lens },
         covariance: camera.covariance.clone(),
     };
     let report = |i: usize, size: ImageSize| ComparedCamera {
         file: args.files[i].clone(),
         format: cameras[i].format,
         image_size: [size.width, size.height],
+        lens: cameras[i].lens.name(),
     };
     let reference = with_size(&cameras[0]);
     let size = reference.model.size;
@@ -175,63 +170,66 @@ fn scaled(camera: Camera, size: ImageSize) -> Result<(Camera, Option<[usize; 2]>
     Ok((Camera { model: camera.model.scaled_to(size), covariance }, Some([own.width, own.height])))
 }
 
-/// Ten numbers in the order of [`Parameter::ALL`], then p1, p2, k3.
-fn numbers(camera: &camera::Camera) -> [(&'static str, &'static str, f64); 10] {
-    let (k, lens) = (&camera.intrinsics, |name: &str| camera.lens.parameter(name).unwrap_or(0.0));
-    [
-        ("fx", "px", k.fx),
-        ("fy", "px", k.fy),
-        ("cx", "px", k.cx),
-        ("cy", "px", k.cy),
-        ("skew", "px", k.skew),
-        ("k1", "1", lens("k1")),
-        ("k2", "1", lens("k2")),
-        ("p1", "1", lens("p1")),
-        ("p2", "1", lens("p2")),
-        ("k3", "1", lens("k3")),
-    ]
+/// A camera's numbers by name, in their order. Without distortion a lens is Brown-Conrady's, all zero.
+fn numbers(camera: &camera::Camera) -> Vec<(&'static str, f64)> {
+    let lens = if camera.lens == Lens::None { Lens::Radtan(Radtan::default()) } else { camera.lens };
+    let camera = camera::Camera { lens, ..*camera };
+    camera.parameter_names().into_iter().zip(camera.parameters()).collect()
 }
 
-/// Covariance of the difference: the sum, as the two are independent; a file without errors counts as exact.
-fn covariance_of_difference(a: &Camera, b: &Camera) -> DMatrix<f64> {
-    let n = Parameter::ALL.len();
-    let of = |c: &Camera| c.covariance.as_ref().map_or(DMatrix::zeros(n, n), |m| m.of(&Parameter::ALL));
-    of(a) + of(b)
+/// The numbers of both: name, that of the first, that of the second. Coefficients of different lens models have nothing in common.
+fn common_numbers(a: &Camera, b: &Camera) -> Vec<(&'static str, f64, f64)> {
+    let (of_a, of_b) = (numbers(&a.model), numbers(&b.model));
+    let same_model = of_a.iter().map(|(name, _)| name).eq(of_b.iter().map(|(name, _)| name));
+    let count = if same_model { of_a.len() } else { INTRINSIC_NAMES.len() };
+    of_a.iter().zip(&of_b).take(count).map(|((name, a), (_, b))| (*name, *a, *b)).collect()
+}
+
+/// Covariance of the difference of the common numbers: the sum, as the two are independent; a file without errors counts as exact.
+fn covariance_of_difference(a: &Camera, b: &Camera, names: &[&'static str]) -> DMatrix<f64> {
+    let known: Vec<Option<Parameter>> =
+        names.iter().map(|name| Parameter::ALL.into_iter().find(|p| p.name() == *name)).collect();
+    let all = |c: &Camera| {
+        let n = Parameter::ALL.len();
+        c.covariance.as_ref().map_or(DMatrix::zeros(n, n), |m| m.of(&Parameter::ALL))
+    };
+    let sum = all(a) + all(b);
+    let at = |p: Parameter| Parameter::ALL.iter().position(|q| *q == p);
+    DMatrix::from_fn(names.len(), names.len(), |i, j| {
+        let place = known[i].and_then(at).zip(known[j].and_then(at));
+        place.map_or(0.0, |(i, j)| sum[(i, j)])
+    })
 }
 
 fn parameters(a: &Camera, b: &Camera) -> Vec<ParameterDifference> {
-    let covariance = covariance_of_difference(a, b);
-    let pairs = numbers(&a.model).into_iter().zip(numbers(&b.model));
-    pairs
-        .enumerate()
-        .map(|(i, ((parameter, unit, reference), (_, _, value)))| {
-            let variance = if i < Parameter::ALL.len() { covariance[(i, i)] } else { 0.0 };
-            let standard_deviation = (variance > 0.0).then(|| variance.sqrt());
-            let difference = value - reference;
-            let difference_in_standard_deviations = standard_deviation.map(|s| difference / s);
-            ParameterDifference {
-                parameter,
-                unit,
-                reference,
-                value,
-                difference,
-                standard_deviation,
-                difference_in_standard_deviations,
-            }
-        })
-        .collect()
+    let numbers = common_numbers(a, b);
+    let names: Vec<&'static str> = numbers.iter().map(|n| n.0).collect();
+    let covariance = covariance_of_difference(a, b, &names);
+    let of = |(i, (parameter, reference, value)): (usize, (&'static str, f64, f64))| {
+        let variance = covariance[(i, i)];
+        let standard_deviation = (variance > 0.0).then(|| variance.sqrt());
+        let difference = value - reference;
+        ParameterDifference {
+            parameter,
+            unit: if i < INTRINSIC_NAMES.len() { "px" } else { "1" },
+            reference,
+            value,
+            difference,
+            standard_deviation,
+            difference_in_standard_deviations: standard_deviation.map(|s| difference / s),
+        }
+    };
+    numbers.into_iter().enumerate().map(of).collect()
 }
 
 fn joint(a: &Camera, b: &Camera) -> Option<Joint> {
-    let covariance = covariance_of_difference(a, b);
-    let (na, nb) = (numbers(&a.model), numbers(&b.model));
-    let difference = DVector::from_fn(Parameter::ALL.len(), |i, _| nb[i].2 - na[i].2);
+    let numbers = common_numbers(a, b);
+    let names: Vec<&'static str> = numbers.iter().map(|n| n.0).collect();
+    let covariance = covariance_of_difference(a, b, &names);
+    let difference = DVector::from_iterator(numbers.len(), numbers.iter().map(|(_, a, b)| b - a));
     let s = significance(&difference, &covariance)?;
     Some(Joint {
-        parameters: (0..Parameter::ALL.len())
-            .filter(|i| covariance[(*i, *i)] > 0.0)
-            .map(|i| Parameter::ALL[i].name())
-            .collect(),
+        parameters: (0..names.len()).filter(|i| covariance[(*i, *i)] > 0.0).map(|i| names[i]).collect(),
         chi_squared: s.chi_squared,
         degrees_of_freedom: s.degrees_of_freedom,
         p_value: s.p_value,
@@ -240,7 +238,7 @@ fn joint(a: &Camera, b: &Camera) -> Option<Joint> {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::intrinsics::Intrinsics;
+    use groundcal::geometry::{intrinsics::Intrinsics, lens::Fisheye};
 
     use super::*;
 
@@ -275,6 +273,13 @@ mod tests {
         assert_eq!(all[0].standard_deviation, Some(8f64.sqrt()));
         assert_eq!(all[0].difference_in_standard_deviations, Some(3.0 / 8f64.sqrt()));
         assert_eq!(all[2].standard_deviation, None);
+        // Another lens model leaves the camera matrix to be compared.
+        let fisheye =
+            Camera { model: camera::Camera { lens: Lens::Fisheye(Fisheye::default()), ..b.model }, ..b.clone() };
+        let names = |a: &Camera, b: &Camera| parameters(a, b).iter().map(|p| p.parameter).collect::<Vec<_>>();
+        assert_eq!(names(&a, &fisheye), INTRINSIC_NAMES);
+        assert_eq!(names(&fisheye, &fisheye)[5..], ["k1", "k2", "k3", "k4"]);
+        assert_eq!(names(&a, &b)[5..], ["k1", "k2", "p1", "p2", "k3"]);
         let j = joint(&a, &b).unwrap();
         assert_eq!((j.parameters, j.degrees_of_freedom), (vec!["fx", "fy"], 2));
         assert!((j.chi_squared - 9.0 / 8.0).abs() < 1e-12);

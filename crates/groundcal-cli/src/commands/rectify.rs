@@ -4,15 +4,13 @@ use std::{fmt::Write, path::PathBuf};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    floor::placed::{Placed, placed},
-    result::{Calibration, Method},
-};
-use groundcal::{
     floor::{
         layout::{self, DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, ResolutionError, sets_of_one_world},
+        placed::{Placed, placed},
         rectify::{Mosaic, rectify},
         view::{FloorGrid, FloorView},
     },
+    result::{Calibration, Method},
     vision::resample::{Pyramid, Resampled},
 };
 use groundcal_io::{
@@ -358,9 +356,7 @@ impl Work<'_> {
             origin: set.first().and_then(|f| f.placed.origin.as_deref()),
             max_distance: self.layout.max_distance,
             camera_height_m: self.camera_height_m,
-            size: self.layout.size,
-            intrinsics: camera.intrinsics(),
-            distortion: camera.lens(),
+            camera: camera.model(),
         };
         let beside = |extension: &str| self.args.out.join(format!("{name}.{extension}"));
         write_whole(&beside("json"), picture.json()?.as_bytes())?;

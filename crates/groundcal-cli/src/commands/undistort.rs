@@ -5,19 +5,19 @@ use std::{fmt::Write, path::PathBuf};
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::undistort::{Fit, Undistortion},
-    geometry,
+    result::Camera,
     vision::resample::{Pyramid, resample},
 };
 use groundcal_io::{
     export::{undistorted, write_whole},
-    import::groundcal_json,
+    import,
     inputs::find_images,
     names::stems,
     pictures::{self, PictureFormat, PictureReader},
 };
 
 use crate::{
-    args::{PictureFormatArg, ThreadsArg},
+    args::{PictureFormatArg, ThreadsArg, camera_of},
     error::CliError,
     output,
 };
@@ -28,13 +28,15 @@ use crate::{
   groundcal calibrate photos/ --out result/
   groundcal undistort result/ photos/ --out straight/
   groundcal undistort result/ photos/ --out straight/ --fit crop --maps
+  groundcal undistort camchain.yaml#cam0 fisheye/ --out flat/ --fov 100
 
 straight/camera_undistorted.json is the camera of the new images (no distortion). With --maps, map_x.tiff and map_y.tiff \
 hold for each pixel of a new image the pixel of the original one, for cv2.remap (docs/formats.md). Exit codes: 0 images, 2 \
 wrong usage, 4 unreadable or unusable input, 1 anything else.")]
 pub(crate) struct UndistortArgs {
-    /// calibration.json of `groundcal calibrate --out`, or the folder it is in
-    pub(crate) calibration: PathBuf,
+    /// calibration.json of `groundcal calibrate --out` or the folder it is in, or a camera file that `groundcal compare` reads
+    #[arg(value_name = "CAMERA")]
+    pub(crate) calibration: String,
 
     /// Images of the camera: folders, files, glob patterns (none with --maps alone)
     #[arg(value_name = "IMAGES", required_unless_present = "maps")]
@@ -47,6 +49,10 @@ pub(crate) struct UndistortArgs {
     /// Which part of the undistorted scene is shown
     #[arg(long, value_enum, default_value_t = FitArg::Same)]
     pub(crate) fit: FitArg,
+
+    /// Field of view of the new images from the left side to the right, degrees, instead of --fit
+    #[arg(long, value_name = "DEG", conflicts_with = "fit", value_parser = parse_field_of_view)]
+    pub(crate) fov: Option<f64>,
 
     /// Also write map_x.tiff and map_y.tiff
     #[arg(long)]
@@ -81,6 +87,12 @@ impl From<FitArg> for Fit {
     }
 }
 
+/// Degrees, as a flat image can have them.
+fn parse_field_of_view(text: &str) -> Result<f64, String> {
+    let degrees = text.trim().parse::<f64>().ok().filter(|v| (1.0..=175.0).contains(v));
+    degrees.ok_or_else(|| "expected degrees from 1 to 175, for example 100".into())
+}
+
 /// Runs the command; what was left out is told on standard error.
 pub(crate) fn run(args: &UndistortArgs) -> Result<(), CliError> {
     output::refuse_file(&args.out)?;
@@ -93,16 +105,17 @@ pub(crate) fn run(args: &UndistortArgs) -> Result<(), CliError> {
 
 /// What is printed, with notes for standard error.
 fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
-    let calibration = groundcal_json::read(&args.calibration)?;
-    let (k, lens, size) = (calibration.camera.intrinsics(), calibration.camera.lens(), calibration.camera.size());
-    let undistortion =
-        Undistortion::new(&geometry::camera::Camera { size, intrinsics: k, lens: lens.into() }, args.fit.into())?;
-    let mut notes = Vec::new();
-    if lens.is_none() {
-        notes.push(format!(
-            "{}: the lens has no distortion there; the images stay as they are",
-            args.calibration.display()
-        ));
+    let imported = import::read_camera(&args.calibration)?;
+    let camera = camera_of(&args.calibration, &imported)?;
+    let size = camera.size;
+    let fit = match args.fov {
+        Some(degrees) => Fit::FieldOfView { horizontal_rad: degrees.to_radians() },
+        None => args.fit.into(),
+    };
+    let undistortion = Undistortion::new(&camera, fit)?;
+    let mut notes = imported.notes.clone();
+    if camera.lens.is_none() && args.fov.is_none() {
+        notes.push(format!("{}: the lens has no distortion there; the images stay as they are", args.calibration));
     }
     let files = if args.inputs.is_empty() { Vec::new() } else { find_images(&args.inputs)? };
     let names = stems(&files);
@@ -125,7 +138,8 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
 
     let mut text = String::new();
     let new = undistortion.intrinsics();
-    let json = undistorted::camera_json(new, args.fit.into(), &calibration.camera)?;
+    let original = Camera::new(size, &camera.intrinsics, camera.lens, imported.lens_source);
+    let json = undistorted::camera_json(new, fit, &original)?;
     write_whole(&args.out.join("camera_undistorted.json"), json.as_bytes())?;
     let _ = writeln!(
         text,

@@ -145,6 +145,18 @@ fn truncated_jpeg() {
     refused(&[&half, &at(TRIPOD_PAIR[1])], INPUT, &["half.jpg", "truncated", "Copy it again"]);
 }
 
+/// Decoders fill the rest with grey; the user hears of it.
+#[test]
+fn a_jpeg_that_ends_early_is_named() {
+    let folder = tempdir().unwrap();
+    let whole = std::fs::read(at(TRIPOD_PAIR[0])).unwrap();
+    let cut = [&whole[..whole.len() * 9 / 10], &[0, 0xff, 0xd9]].concat();
+    let cut = write(folder.path(), "cut.jpg", cut);
+    let outcome = calibrate(&[&cut, &at(TRIPOD_PAIR[1]), "--max-features", "1500"]);
+    assert_eq!(outcome.code, 0, "{}", outcome.stderr);
+    assert!(outcome.stderr.contains("cut.jpg: the JPEG ends early"), "{}", outcome.stderr);
+}
+
 #[test]
 fn truncated_png() {
     let folder = tempdir().unwrap();

@@ -11,18 +11,18 @@ use groundcal::synthetic::points::PointScene;
 use serde_json::Value;
 
 /// What a run of the program gave.
-pub struct Outcome {
+pub(crate) struct Outcome {
     /// Exit code.
-    pub code: i32,
+    pub(crate) code: i32,
     /// Standard output.
-    pub stdout: String,
+    pub(crate) stdout: String,
     /// Standard error.
-    pub stderr: String,
+    pub(crate) stderr: String,
 }
 
 impl Outcome {
     /// Standard output as JSON, of a run that has to succeed.
-    pub fn json(&self) -> Value {
+    pub(crate) fn json(&self) -> Value {
         assert_eq!(self.code, 0, "{}", self.stderr);
         serde_json::from_str(&self.stdout)
             .unwrap_or_else(|e| panic!("standard output is not JSON: {e}\n{}", self.stdout))
@@ -30,22 +30,22 @@ impl Outcome {
 }
 
 /// The root of the repository.
-pub fn root() -> PathBuf {
+pub(crate) fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 /// A path in the repository as an argument.
-pub fn at(path: &str) -> String {
+pub(crate) fn at(path: &str) -> String {
     text(&root().join(path))
 }
 
 /// A path as an argument.
-pub fn text(path: &Path) -> String {
+pub(crate) fn text(path: &Path) -> String {
     path.to_str().expect("a path in UTF-8").to_string()
 }
 
 /// `groundcal ARGS`.
-pub fn groundcal<S: AsRef<str>>(args: &[S]) -> Outcome {
+pub(crate) fn groundcal<S: AsRef<str>>(args: &[S]) -> Outcome {
     let output = Command::new(env!("CARGO_BIN_EXE_groundcal"))
         .args(args.iter().map(AsRef::as_ref))
         .output()
@@ -59,14 +59,14 @@ pub fn groundcal<S: AsRef<str>>(args: &[S]) -> Outcome {
 }
 
 /// `groundcal calibrate ARGS --json`.
-pub fn calibrate<S: AsRef<str>>(args: &[S]) -> Outcome {
+pub(crate) fn calibrate<S: AsRef<str>>(args: &[S]) -> Outcome {
     let all: Vec<&str> = ["calibrate"].into_iter().chain(args.iter().map(AsRef::as_ref)).chain(["--json"]).collect();
     groundcal(&all)
 }
 
 /// `groundcal calibrate ARGS --json --out NEW` must end with `code`, print one message that holds all `words`, print nothing
 /// to standard output and write nothing.
-pub fn refused<S: AsRef<str>>(args: &[S], code: i32, words: &[&str]) -> Outcome {
+pub(crate) fn refused<S: AsRef<str>>(args: &[S], code: i32, words: &[&str]) -> Outcome {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("out");
     let mut all: Vec<String> = args.iter().map(|a| a.as_ref().to_string()).collect();
@@ -84,7 +84,7 @@ pub fn refused<S: AsRef<str>>(args: &[S], code: i32, words: &[&str]) -> Outcome 
 }
 
 /// Names of everything in a folder but empty folders, with the folders inside it.
-pub fn files_in(folder: &Path) -> BTreeSet<String> {
+pub(crate) fn files_in(folder: &Path) -> BTreeSet<String> {
     let mut names = BTreeSet::new();
     for entry in std::fs::read_dir(folder).expect("a readable folder") {
         let entry = entry.expect("a readable entry");
@@ -99,36 +99,36 @@ pub fn files_in(folder: &Path) -> BTreeSet<String> {
 }
 
 /// A number in the JSON, named by a pointer.
-pub fn number(json: &Value, pointer: &str) -> f64 {
+pub(crate) fn number(json: &Value, pointer: &str) -> f64 {
     json.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer} is no number in {json:#}"))
 }
 
 /// A JSON file.
-pub fn read_json(path: &Path) -> Value {
+pub(crate) fn read_json(path: &Path) -> Value {
     let text = std::fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
 }
 
 /// The motions that took part, as (from, to), in the order of the report.
-pub fn used(json: &Value) -> Vec<(String, String)> {
+pub(crate) fn used(json: &Value) -> Vec<(String, String)> {
     let name = |m: &Value, key: &str| m[key].as_str().expect("a name").to_string();
     let motions = json["motions"].as_array().expect("a list of motions").iter();
     motions.filter(|m| m["used"] == true).map(|m| (name(m, "from"), name(m, "to"))).collect()
 }
 
 /// The pairs of the first `count` attitudes of a set whose files are NNa.jpg and NNb.jpg.
-pub fn a_b_pairs(count: usize) -> Vec<(String, String)> {
+pub(crate) fn a_b_pairs(count: usize) -> Vec<(String, String)> {
     (0..count).map(|i| (format!("{i:02}a.jpg"), format!("{i:02}b.jpg"))).collect()
 }
 
 /// Codes of the warnings.
-pub fn warnings(json: &Value) -> Vec<&str> {
+pub(crate) fn warnings(json: &Value) -> Vec<&str> {
     let warnings = json["warnings"].as_array().expect("a list of warnings");
     warnings.iter().map(|w| w["code"].as_str().expect("a code")).collect()
 }
 
 /// Asserts that a camera parameter is within `tolerance` px of the truth; prints the error.
-pub fn close(json: &Value, truth: &Value, parameter: &str, tolerance: f64) {
+pub(crate) fn close(json: &Value, truth: &Value, parameter: &str, tolerance: f64) {
     let found = number(json, &format!("/camera/{parameter}"));
     let wanted = number(truth, &format!("/{parameter}"));
     let sigma = json["standard_deviation"][parameter].as_f64().unwrap_or(f64::NAN);
@@ -137,14 +137,14 @@ pub fn close(json: &Value, truth: &Value, parameter: &str, tolerance: f64) {
 }
 
 /// A file of the given name in the folder, and its path as an argument.
-pub fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> String {
+pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> String {
     let path = folder.join(name);
     std::fs::write(&path, content).expect("a writable folder");
     text(&path)
 }
 
 /// `matches.csv` of a point scene; motion i is between images mIa and mIb.
-pub fn matches_csv(scene: &PointScene) -> String {
+pub(crate) fn matches_csv(scene: &PointScene) -> String {
     let mut csv = "image_a,image_b,xa,ya,xb,yb,sigma_px\n".to_string();
     for (i, motion) in scene.pairs().iter().enumerate() {
         for m in &motion.pair.matches {
@@ -155,7 +155,7 @@ pub fn matches_csv(scene: &PointScene) -> String {
 }
 
 /// `tracks.csv` of the same points.
-pub fn tracks_csv(scene: &PointScene) -> String {
+pub(crate) fn tracks_csv(scene: &PointScene) -> String {
     let mut csv = "image,track,x,y,sigma_px\n".to_string();
     for (i, motion) in scene.pairs().iter().enumerate() {
         for (side, second) in [("a", false), ("b", true)] {

@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use crate::common::*;
+use groundcal::numerics::statistics::median;
 use tempfile::tempdir;
 
 type Line = BTreeMap<String, String>;
@@ -50,8 +51,8 @@ fn errors_are_those_stated(table: &[Line], name: &str) {
     }
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    groundcal::numerics::statistics::median(&mut values)
+fn middle(values: impl Iterator<Item = f64>) -> f64 {
+    median(&mut values.collect::<Vec<_>>())
 }
 
 #[test]
@@ -114,7 +115,7 @@ fn subsets(out: &Path, name: &str, expected: &[(&str, usize)]) {
         // Half of the subsets or more give a camera, whose errors are of the size predicted: subsets share motions, so that a
         // common deviation moves them all.
         assert!(2 * numbers.len() > count, "{constraint}");
-        let ratio = median(numbers.iter().map(|n| n.1).collect()) / median(numbers.iter().map(|n| n.0).collect());
+        let ratio = middle(numbers.iter().map(|n| n.1)) / middle(numbers.iter().map(|n| n.0));
         assert!((0.2..3.0).contains(&ratio), "{name} {constraint}: {ratio}");
     }
     let svg = std::fs::read_to_string(out.join(format!("{name}_subsets.svg"))).unwrap();
@@ -136,7 +137,7 @@ fn mobile_head(out: &Path) {
         own.map(|l| (number(l, "focal_error_percent").abs(), number(l, "focal_sd_percent"))).collect()
     };
     let (ours, linear) = (told("groundcal"), told("linear"));
-    let errors = |numbers: &[(f64, f64)]| median(numbers.iter().map(|n| n.0).collect());
+    let errors = |numbers: &[(f64, f64)]| middle(numbers.iter().map(|n| n.0));
     assert!(errors(&ours) < errors(&linear), "{} {}", errors(&ours), errors(&linear));
     // 95 % expected, of 40 draws: sampling error 3.4 %.
     let held = ours.iter().filter(|n| n.0 < 2.0 * n.1).count();

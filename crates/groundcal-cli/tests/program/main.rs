@@ -6,6 +6,7 @@ mod causes;
 mod cli;
 mod common;
 mod experiments;
+mod fisheye;
 mod formats;
 mod plan;
 mod readers;

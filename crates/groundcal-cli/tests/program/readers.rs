@@ -25,7 +25,7 @@ fn imports(python: &Path, module: &str) -> Result<(), String> {
 }
 
 /// The Python that has these modules; nothing, and a line why, where there is none.
-pub fn python(modules: &[&str]) -> Option<&'static Path> {
+pub(crate) fn python(modules: &[&str]) -> Option<&'static Path> {
     static PYTHON: OnceLock<Result<PathBuf, String>> = OnceLock::new();
     let made = PYTHON.get_or_init(|| {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("readers");

@@ -457,7 +457,7 @@ fn bad_input_is_refused_by_name() {
     let mut calibration = truth_json(&tiled());
     let good = write(folder.path(), "good.json", calibration.to_string());
 
-    fails(&["rectify", "nowhere.json", &images], INPUT, &["nowhere.json", "cannot be read"]);
+    fails(&["rectify", "nowhere.json", &images], INPUT, &["nowhere.json", "does not exist"]);
     fails(&["rectify", &at("README.md"), &images], INPUT, &["README.md", "not a calibration", "calibration.json"]);
     fails(
         &["rectify", &good, &at("examples/head")],
@@ -593,7 +593,7 @@ fn opencv_reads_the_maps_and_undistorts_alike() {
         let there = text(&out.path().join(fit));
         done(&["undistort", &folder, &folder, "--out", &there, "--maps", "--fit", fit]);
         let original = text(&tiled_folder().join("a.png"));
-        let output = Command::new(&python).args(["-c", COMPARE, &original, &there, "a.png"]).output().unwrap();
+        let output = Command::new(python).args(["-c", COMPARE, &original, &there, "a.png"]).output().unwrap();
         let printed = String::from_utf8_lossy(&output.stdout);
         assert!(output.status.success(), "{printed}{}", String::from_utf8_lossy(&output.stderr));
         println!("{fit}: {printed}");

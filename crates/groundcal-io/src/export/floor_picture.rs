@@ -1,8 +1,10 @@
 //! The files beside a picture of the floor: a world file, and JSON with the homographies from image to floor.
 
+use std::collections::BTreeMap;
+
 use groundcal::{
     floor::view::{FloorGrid, FloorView},
-    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{camera::Camera, lens::Lens},
 };
 use nalgebra::Matrix3;
 use serde::Serialize;
@@ -25,11 +27,7 @@ pub struct FloorPicture<'a> {
     /// Height of the camera at the first view in metres, where lengths are.
     pub camera_height_m: Option<f64>,
     /// The camera of the views.
-    pub size: ImageSize,
-    /// Its matrix.
-    pub intrinsics: Intrinsics,
-    /// Its lens.
-    pub distortion: Distortion,
+    pub camera: Camera,
 }
 
 /// Name of the unit of length: metres where the camera's height is known in them.
@@ -60,18 +58,23 @@ struct ViewJson<'a> {
     position: [f64; 3],
 }
 
+/// The camera, and its coefficients beside it as well, where they were before there were other lenses.
 #[derive(Debug, Serialize)]
 struct CameraJson {
-    image_size: [usize; 2],
-    fx: f64,
-    fy: f64,
-    cx: f64,
-    cy: f64,
-    skew: f64,
-    k1: f64,
-    k2: f64,
-    p1: f64,
-    p2: f64,
+    #[serde(flatten)]
+    camera: Camera,
+    #[serde(flatten)]
+    coefficients: BTreeMap<&'static str, f64>,
+}
+
+impl From<Camera> for CameraJson {
+    fn from(camera: Camera) -> Self {
+        let lens = camera.lens;
+        let known = matches!(lens, Lens::None | Lens::Radtan(_));
+        let of = |name: &'static str| (name, lens.parameter(name).unwrap_or(0.0));
+        let coefficients = if known { ["k1", "k2", "p1", "p2"].map(of).into() } else { BTreeMap::new() };
+        Self { camera, coefficients }
+    }
 }
 
 impl<'a> FloorPicture<'a> {
@@ -80,7 +83,6 @@ impl<'a> FloorPicture<'a> {
     /// # Errors
     /// [`IoError::Other`] when it cannot be written as JSON.
     pub fn json(&self) -> Result<String, IoError> {
-        let (k, d) = (&self.intrinsics, &self.distortion);
         let floor_from_picture = self.grid.floor_from_pixel_matrix();
         let picture_from_floor = floor_from_picture.try_inverse().unwrap_or(Matrix3::identity());
         let of_view = |(image, view): &(&'a str, &FloorView)| {
@@ -103,18 +105,7 @@ impl<'a> FloorPicture<'a> {
             origin: self.origin,
             floor_from_picture: rows(&floor_from_picture),
             views: self.views.iter().map(of_view).collect(),
-            camera: CameraJson {
-                image_size: [self.size.width, self.size.height],
-                fx: k.fx,
-                fy: k.fy,
-                cx: k.cx,
-                cy: k.cy,
-                skew: k.skew,
-                k1: d.k1,
-                k2: d.k2,
-                p1: d.p1,
-                p2: d.p2,
-            },
+            camera: self.camera.into(),
         };
         serde_json::to_string_pretty(&json)
             .map(|json| json + "\n")
@@ -139,6 +130,7 @@ fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
 
 #[cfg(test)]
 mod tests {
+    use groundcal::geometry::size::ImageSize;
     use nalgebra::Vector2;
 
     use super::*;

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use groundcal::result::Calibration;
+use groundcal::{
+    geometry::{camera::Camera, lens::Lens},
+    result::Calibration,
+};
 
 use crate::{
     error::IoError,
-    export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, world::World, write::write_whole},
-    text::quoted,
+    export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, source::Source, write::write_whole},
+    text::{quoted, shown},
 };
 
 /// A format of another program.
@@ -33,27 +36,45 @@ impl Format {
         [Format::Opencv, Format::Ros, Format::Kalibr, Format::Colmap, Format::Nerfstudio, Format::Matlab];
 
     fn writer(self) -> Writer {
+        let whole = Writer { file: "", files: opencv::files, poses: false, skew: true, k3: true, fisheye: true };
         match self {
-            Format::Opencv => Writer { files: opencv::files, poses: false, without_skew: None },
-            Format::Ros => Writer { files: ros::files, poses: false, without_skew: None },
-            Format::Kalibr => Writer { files: kalibr::files, poses: false, without_skew: Some("camchain.yaml") },
-            Format::Colmap => Writer { files: colmap::files, poses: true, without_skew: Some("cameras.txt") },
+            Format::Opencv => Writer { file: "camera_opencv.yaml", ..whole },
+            Format::Ros => Writer { file: "camera_info.yaml", files: ros::files, ..whole },
+            Format::Kalibr => Writer { file: "camchain.yaml", files: kalibr::files, skew: false, k3: false, ..whole },
+            Format::Colmap => Writer { file: "cameras.txt", files: colmap::files, poses: true, skew: false, ..whole },
             Format::Nerfstudio => {
-                Writer { files: nerfstudio::files, poses: true, without_skew: Some("transforms.json") }
+                Writer { file: "transforms.json", files: nerfstudio::files, poses: true, skew: false, ..whole }
             }
-            Format::Matlab => Writer { files: matlab::files, poses: false, without_skew: None },
+            Format::Matlab => Writer { file: "camera_matlab.csv", files: matlab::files, fisheye: false, ..whole },
         }
     }
 }
 
 /// A row of the table of formats.
 struct Writer {
+    /// The file of the camera.
+    file: &'static str,
     /// Makes the files.
-    files: fn(&Calibration, &World) -> Result<Vec<File>, IoError>,
+    files: fn(&Source) -> Result<Vec<File>, IoError>,
     /// Whether poses are written.
     poses: bool,
-    /// The file that has no place for a skew.
-    without_skew: Option<&'static str>,
+    /// Whether it has a place for a skew.
+    skew: bool,
+    /// Whether it has a place for k3 of Brown-Conrady.
+    k3: bool,
+    /// Whether it has the equidistant fisheye.
+    fisheye: bool,
+}
+
+impl Writer {
+    /// Whether it has the lens's model. Without its lens a camera would be another.
+    fn has(&self, lens: &Lens) -> bool {
+        match lens {
+            Lens::None | Lens::Radtan(_) => true,
+            Lens::Fisheye(_) => self.fisheye,
+            _ => lens.is_none(),
+        }
+    }
 }
 
 /// Files of the formats asked for, and what they cannot say.
@@ -70,17 +91,36 @@ pub struct Files {
 /// # Errors
 /// [`IoError::Other`] where a number cannot be written.
 pub fn render(calibration: &Calibration, formats: &[Format]) -> Result<Files, IoError> {
-    let chosen: Vec<Format> = Format::ALL.into_iter().filter(|f| formats.is_empty() || formats.contains(f)).collect();
-    let world = World::largest(calibration);
-    let mut files = Vec::new();
-    for format in &chosen {
-        files.extend((format.writer().files)(calibration, &world)?);
-    }
-    Ok(Files { files, notes: notes(calibration, &world, &chosen) })
+    rendered(&Source::of_calibration(calibration), formats)
 }
 
-fn notes(calibration: &Calibration, world: &World, chosen: &[Format]) -> Vec<String> {
+/// A camera alone in the formats, without poses.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_camera(camera: &Camera, formats: &[Format]) -> Result<Files, IoError> {
+    rendered(&Source::of_camera(camera), formats)
+}
+
+fn rendered(source: &Source, formats: &[Format]) -> Result<Files, IoError> {
+    let wanted = Format::ALL.into_iter().filter(|f| formats.is_empty() || formats.contains(f));
+    let lens = &source.camera.lens;
+    let (able, unable): (Vec<Format>, Vec<Format>) = wanted.partition(|f| f.writer().has(lens));
+    let mut files = Vec::new();
+    for format in &able {
+        files.extend((format.writer().files)(source)?);
+    }
+    let mut notes = notes(source, &able);
+    if !unable.is_empty() {
+        let names: Vec<&str> = unable.iter().map(|f| f.writer().file).collect();
+        notes.push(format!("not written: {}; the format has no lens of the model {}", names.join(", "), lens.name()));
+    }
+    Ok(Files { files, notes })
+}
+
+fn notes(source: &Source, chosen: &[Format]) -> Vec<String> {
     let mut notes = Vec::new();
+    let (world, camera) = (&source.world, &source.camera);
     if chosen.iter().any(|f| f.writer().poses) && !world.left_out.is_empty() {
         notes.push(world.what_is_left_out());
     }
@@ -91,12 +131,21 @@ fn notes(calibration: &Calibration, world: &World, chosen: &[Format]) -> Vec<Str
             quoted(pose.image)
         ));
     }
-    let unable: Vec<&str> = chosen.iter().filter_map(|f| f.writer().without_skew).collect();
-    if calibration.camera.skew != 0.0 && !unable.is_empty() {
+    let files = |without: &dyn Fn(&Writer) -> bool| {
+        let names: Vec<&str> = chosen.iter().map(|f| f.writer()).filter(|w| without(w)).map(|w| w.file).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    };
+    let skew = camera.intrinsics.skew;
+    if let Some(names) = files(&|w| !w.skew).filter(|_| skew != 0.0) {
+        notes.push(format!("the skew of {skew:.3} px is left out of {names}: the format has no place for it"));
+    }
+    let k3 = if matches!(camera.lens, Lens::Radtan(_)) { source.lens_parameter("k3") } else { 0.0 };
+    if let Some(names) = files(&|w| !w.k3).filter(|_| k3 != 0.0) {
+        notes.push(format!("the coefficient k3 = {k3} is left out of {names}: the format has no place for it"));
+    }
+    if let Some(names) = files(&|w| w.skew).filter(|_| skew != 0.0 && matches!(camera.lens, Lens::Fisheye(_))) {
         notes.push(format!(
-            "the skew of {:.3} px is left out of {}: the format has no place for it",
-            calibration.camera.skew,
-            unable.join(", ")
+            "the skew of {skew:.3} px in {names} is passed over by cv2.fisheye, which takes it beside the matrix"
         ));
     }
     notes
@@ -127,7 +176,7 @@ pub fn write_formats(
 ) -> Result<(Vec<PathBuf>, Vec<String>), IoError> {
     let rendered = render(calibration, formats)?;
     std::fs::create_dir_all(folder)
-        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", folder.display())))?;
+        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", shown(folder))))?;
     let mut paths = Vec::with_capacity(rendered.files.len());
     for file in &rendered.files {
         let path = folder.join(file.name);
@@ -135,4 +184,81 @@ pub fn write_formats(
         paths.push(path);
     }
     Ok((paths, rendered.notes))
+}
+
+#[cfg(test)]
+mod tests {
+    use groundcal::geometry::{
+        intrinsics::Intrinsics,
+        lens::{Division, Fisheye, Radtan},
+        size::ImageSize,
+    };
+
+    use super::*;
+    use crate::import::parse;
+
+    fn camera(lens: Lens) -> Camera {
+        let intrinsics = Intrinsics { fx: 410.25, fy: 411.5, cx: 400.25, cy: 299.5, skew: 0.0 };
+        Camera { size: ImageSize::new(800, 600), intrinsics, lens }
+    }
+
+    /// What is read back of each file of a camera.
+    fn read_back(camera: &Camera) -> Vec<(&'static str, Camera)> {
+        let rendered = render_camera(camera, &[]).unwrap();
+        let files = rendered.files.iter().filter(|f| !["images.txt", "points3D.txt"].contains(&f.name));
+        let read = files.filter(|f| f.name != "camera_matlab.csv").map(|f| {
+            let read = parse(&f.content).unwrap_or_else(|e| panic!("{}: {e}", f.name)).swap_remove(0);
+            assert!(read.notes.is_empty(), "{}: {:?}", f.name, read.notes);
+            (f.name, Camera { size: read.size.unwrap(), intrinsics: read.intrinsics, lens: read.lens })
+        });
+        read.collect()
+    }
+
+    #[test]
+    fn cameras_come_back_from_every_format_that_has_their_lens() {
+        let fisheye = Lens::Fisheye(Fisheye::new([0.02, -0.01, 0.003, -5e-7]));
+        let wide = Lens::Radtan(Radtan::new([-0.2, 0.03, 1e-3, -2e-3, 0.004]));
+        for lens in [fisheye, wide, Lens::radial(-0.1, 0.02), Lens::radial(-0.1, 0.0)] {
+            let all = read_back(&camera(lens));
+            assert_eq!(all.len(), 5, "{lens:?}");
+            for (name, read) in all {
+                let expected = match (name, lens) {
+                    // Kalibr has no k3.
+                    ("camchain.yaml", Lens::Radtan(l)) if l.parameters()[4] != 0.0 => {
+                        let [k1, k2, p1, p2, _] = l.parameters();
+                        Lens::Radtan(Radtan::new([k1, k2, p1, p2, 0.0]))
+                    }
+                    _ => lens,
+                };
+                assert_eq!(read, camera(expected), "{name}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_format_cannot_hold_is_said() {
+        let said = |camera: &Camera, words: &[&str]| {
+            let rendered = render_camera(camera, &[]).unwrap();
+            let notes = rendered.notes.join("\n");
+            assert!(words.iter().all(|w| notes.contains(w)), "{notes}");
+            rendered.files.len()
+        };
+        let plain = camera(Lens::radial(-0.1, 0.0));
+        assert!(render_camera(&plain, &[]).unwrap().notes.is_empty());
+        let skewed = Camera { intrinsics: Intrinsics { skew: 1.5, ..plain.intrinsics }, ..plain };
+        let without_skew = ["skew of 1.500 px", "camchain.yaml, cameras.txt, transforms.json"];
+        assert_eq!(said(&skewed, &without_skew), 8);
+        let k3 = camera(Lens::Radtan(Radtan::new([-0.2, 0.03, 0.0, 0.0, 0.004])));
+        assert_eq!(said(&k3, &["k3 = 0.004 is left out of camchain.yaml"]), 8);
+        let fisheye = Camera { lens: Lens::Fisheye(Fisheye::default()), ..skewed };
+        let words = [
+            "not written: camera_matlab.csv",
+            "fisheye",
+            "passed over by cv2.fisheye",
+            "camera_opencv.yaml, camera_info.yaml",
+        ];
+        assert_eq!(said(&fisheye, &words), 7);
+        let division = camera(Lens::Division(Division::new(-0.2)));
+        assert_eq!(said(&division, &["camera_opencv.yaml, camera_info.yaml, camchain.yaml", "division"]), 0);
+    }
 }

@@ -1,7 +1,7 @@
 //! A calibration as the files of this program and of others.
 //!
 //! `formats` has the table of formats; one file a format (`opencv`, `ros`, `kalibr`, `colmap`, `nerfstudio`, `matlab`); below them
-//! what they share (`world`: poses, `number`: digits, `file`).
+//! what they share (`source`: what is written, `world`: poses, `number`: digits, `file`).
 
 mod calibration_json;
 mod colmap;
@@ -14,11 +14,12 @@ mod nerfstudio;
 mod number;
 mod opencv;
 mod ros;
+mod source;
 pub mod undistorted;
 mod world;
 mod write;
 
 pub use calibration_json::json;
 pub use file::File;
-pub use formats::{Files, Format, render, write_formats};
+pub use formats::{Files, Format, render, render_camera, write_formats};
 pub use write::write_whole;

@@ -1,6 +1,6 @@
 //! Numbers as every reader of YAML takes them, and the nine numbers of K.
 
-use groundcal::result::Camera;
+use groundcal::geometry::intrinsics::Intrinsics;
 
 /// A number that every YAML reader takes for one: YAML 1.1 (PyYAML) wants a point in the mantissa and a sign in the exponent.
 /// Shortest digits that read back exactly.
@@ -23,8 +23,8 @@ pub(crate) fn list(values: &[f64]) -> String {
 }
 
 /// The nine numbers of K, row by row.
-pub(crate) fn camera_matrix(c: &Camera) -> [f64; 9] {
-    [c.fx, c.skew, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0]
+pub(crate) fn camera_matrix(k: &Intrinsics) -> [f64; 9] {
+    [k.fx, k.skew, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0]
 }
 
 #[cfg(test)]

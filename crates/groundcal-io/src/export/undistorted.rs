@@ -4,7 +4,7 @@ use std::{io::Cursor, path::Path};
 
 use groundcal::{
     floor::undistort::Fit,
-    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     result::{
         Camera, LensSource, PixelCentre,
         calibration::{FORMAT_VERSION, SCHEMA_VERSION},
@@ -35,7 +35,7 @@ pub fn camera_json(undistorted: &Intrinsics, fit: Fit, original: &Camera) -> Res
         schema_version: SCHEMA_VERSION,
         format_version: FORMAT_VERSION,
         pixel_centre: PixelCentre::TopLeftPixel,
-        camera: Camera::new(original.size(), undistorted, &Distortion::default(), LensSource::Given),
+        camera: Camera::new(original.size(), undistorted, Lens::None, LensSource::Given),
         undistort_fit: match fit {
             Fit::Same => "same",
             Fit::All => "all",

@@ -50,6 +50,11 @@ impl<'a> World<'a> {
         }
     }
 
+    /// Without views.
+    pub(crate) fn empty() -> Self {
+        Self { poses: Vec::new(), origin: None, left_out: Vec::new(), unit: "heights of the first camera" }
+    }
+
     /// A sentence about the other worlds.
     pub(crate) fn what_is_left_out(&self) -> String {
         format!(

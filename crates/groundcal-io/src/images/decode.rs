@@ -120,6 +120,9 @@ impl ImageFiles {
         };
         let mut sequential = false;
         if format == ImageFormat::Tiff {
+            if tiff::is_raw(&bytes) {
+                return Ok(Decoded::Foreign(Foreign::Raw));
+            }
             let header = tiff::header(&bytes).map_err(|e| fail(damaged(&e)))?;
             if header.is_raw {
                 return Ok(Decoded::Foreign(Foreign::Raw));

@@ -17,7 +17,10 @@ use crate::{
 };
 
 /// DNGVersion: only raw images have it.
-const DNG_VERSION: Tag = Tag::Unknown(50706);
+const DNG_VERSION: u16 = 50706;
+/// PhotometricInterpretation, and the colours of a mosaic of filters and of a raw image without mosaic.
+const PHOTOMETRIC: u16 = 262;
+const RAW_COLOURS: [u16; 2] = [32803, 34892];
 /// SubIFDs: where raw files of Nikon, Sony and others keep the raw image, behind a small one.
 const SUB_IFDS: Tag = Tag::Unknown(330);
 /// NewSubfileType of a reduced copy.
@@ -26,7 +29,7 @@ const REDUCED: u32 = 1;
 /// What the directory says.
 pub(crate) struct Header {
     pub(crate) size: [u32; 2],
-    /// Whether the picture is only a preview of a raw image.
+    /// Whether the picture is a small one before others, as raw files have it.
     pub(crate) is_raw: bool,
     /// Whether another page follows that is no smaller copy.
     pub(crate) has_pages: bool,
@@ -42,6 +45,29 @@ fn open(bytes: &[u8]) -> Result<Decoder<Cursor<&[u8]>>, String> {
     Decoder::new(Cursor::new(bytes)).map(|d| d.with_limits(limits)).map_err(|e| e.to_string())
 }
 
+/// Whether the first directory is that of a raw image: decoders take the small picture in it for the image.
+pub(crate) fn is_raw(bytes: &[u8]) -> bool {
+    let big_endian = bytes.starts_with(b"MM");
+    let short = |at: usize| {
+        let pair = bytes.get(at..at + 2).and_then(|p| p.first_chunk::<2>().copied());
+        pair.map(|p| if big_endian { u16::from_be_bytes(p) } else { u16::from_le_bytes(p) })
+    };
+    let long = |at: usize| Some(if big_endian { (short(at)?, short(at + 2)?) } else { (short(at + 2)?, short(at)?) });
+    let Some((high, low)) = long(4) else { return false };
+    let first = usize::from(high) << 16 | usize::from(low);
+    // BigTIFF has another layout, and no camera writes it.
+    if short(2) != Some(42) {
+        return false;
+    }
+    let mut entries = (0..usize::from(short(first).unwrap_or(0))).map(|i| first + 2 + 12 * i);
+    let raw = |at: usize| match short(at) {
+        Some(DNG_VERSION) => true,
+        Some(PHOTOMETRIC) => short(at + 8).is_some_and(|colour| RAW_COLOURS.contains(&colour)),
+        _ => false,
+    };
+    bytes.get(8..10) == Some(b"CR") || entries.any(raw)
+}
+
 /// The header of the first page.
 pub(crate) fn header(bytes: &[u8]) -> Result<Header, String> {
     let mut decoder = open(bytes)?;
@@ -50,8 +76,7 @@ pub(crate) fn header(bytes: &[u8]) -> Result<Header, String> {
     let formats: Vec<u16> = decoder.find_tag_unsigned_vec(Tag::SampleFormat).ok().flatten().unwrap_or_default();
     let reduced = decoder.find_tag_unsigned::<u32>(Tag::NewSubfileType).ok().flatten() == Some(REDUCED);
     let has = |decoder: &mut Decoder<_>, tag| matches!(decoder.find_tag(tag), Ok(Some(_)));
-    let is_raw =
-        has(&mut decoder, DNG_VERSION) || bytes.get(8..10) == Some(b"CR") || (reduced && has(&mut decoder, SUB_IFDS));
+    let is_raw = reduced && has(&mut decoder, SUB_IFDS);
     // Sample formats: 1 unsigned, 2 signed, 3 floating point.
     let floats = formats.iter().all(|f| *f == 3) && !formats.is_empty();
     let unsigned = formats.iter().all(|f| *f == 1);

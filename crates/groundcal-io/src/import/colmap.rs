@@ -1,10 +1,13 @@
 //! COLMAP's cameras.txt: CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]. COLMAP counts pixels from the corner of the image: its cx and cy less ½
 //! are ours.
 
-use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
+use groundcal::geometry::{intrinsics::Intrinsics, lens::Lens};
 
 use crate::{
-    import::{brown_conrady::brown_conrady, imported::ImportedCamera},
+    import::{
+        imported::ImportedCamera,
+        lens::{brown_conrady, kannala_brandt},
+    },
     text::{plain, quoted},
 };
 
@@ -36,26 +39,30 @@ fn camera(line: &str) -> Result<ImportedCamera, String> {
     let number = |w: &&str| w.parse::<f64>().map_err(|_| format!("{} is not a number", quoted(w)));
     let values: Vec<f64> = parameters.iter().map(number).collect::<Result<_, String>>()?;
     let k = |fx: f64, fy: f64, cx: f64, cy: f64| Intrinsics { fx, fy, cx: cx - 0.5, cy: cy - 0.5, skew: 0.0 };
-    let none = Distortion::default();
     let expected = |n: usize| Err(format!("{model} has {n} parameters, found {}", values.len()));
     let (intrinsics, lens) = match (*model, &values[..]) {
-        ("SIMPLE_PINHOLE", [f, cx, cy]) => (k(*f, *f, *cx, *cy), (none, 0.0)),
-        ("PINHOLE", [fx, fy, cx, cy]) => (k(*fx, *fy, *cx, *cy), (none, 0.0)),
-        ("SIMPLE_RADIAL", [f, cx, cy, k1]) => (k(*f, *f, *cx, *cy), (Distortion::radial(*k1, 0.0), 0.0)),
-        ("RADIAL", [f, cx, cy, k1, k2]) => (k(*f, *f, *cx, *cy), (Distortion::radial(*k1, *k2), 0.0)),
+        ("SIMPLE_PINHOLE", [f, cx, cy]) => (k(*f, *f, *cx, *cy), Lens::None),
+        ("PINHOLE", [fx, fy, cx, cy]) => (k(*fx, *fy, *cx, *cy), Lens::None),
+        ("SIMPLE_RADIAL", [f, cx, cy, k1]) => (k(*f, *f, *cx, *cy), Lens::radial(*k1, 0.0)),
+        ("RADIAL", [f, cx, cy, k1, k2]) => (k(*f, *f, *cx, *cy), Lens::radial(*k1, *k2)),
         ("OPENCV", [fx, fy, cx, cy, lens @ ..]) if lens.len() == 4 => (k(*fx, *fy, *cx, *cy), brown_conrady(lens)?),
         ("FULL_OPENCV", [fx, fy, cx, cy, lens @ ..]) if lens.len() == 8 => {
             (k(*fx, *fy, *cx, *cy), brown_conrady(lens)?)
         }
+        ("SIMPLE_RADIAL_FISHEYE", [f, cx, cy, k1]) => (k(*f, *f, *cx, *cy), kannala_brandt(&[*k1, 0.0, 0.0, 0.0])?),
+        ("RADIAL_FISHEYE", [f, cx, cy, k1, k2]) => (k(*f, *f, *cx, *cy), kannala_brandt(&[*k1, *k2, 0.0, 0.0])?),
+        ("OPENCV_FISHEYE", [fx, fy, cx, cy, lens @ ..]) if lens.len() == 4 => {
+            (k(*fx, *fy, *cx, *cy), kannala_brandt(lens)?)
+        }
         ("SIMPLE_PINHOLE", _) => return expected(3),
-        ("PINHOLE" | "SIMPLE_RADIAL", _) => return expected(4),
-        ("RADIAL", _) => return expected(5),
-        ("OPENCV", _) => return expected(8),
+        ("PINHOLE" | "SIMPLE_RADIAL" | "SIMPLE_RADIAL_FISHEYE", _) => return expected(4),
+        ("RADIAL" | "RADIAL_FISHEYE", _) => return expected(5),
+        ("OPENCV" | "OPENCV_FISHEYE", _) => return expected(8),
         ("FULL_OPENCV", _) => return expected(12),
         _ => {
             return Err(format!(
-                "the camera model {} is not read: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV (with k4, \
-                 k5, k6 zero) are",
+                "the camera model {} is not read: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV (with k4, \
+                 k5, k6 zero), SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE and OPENCV_FISHEYE are",
                 plain(model)
             ));
         }

@@ -73,7 +73,7 @@ pub(crate) fn parse(text: &str) -> Result<Vec<ImportedCamera>, String> {
 
 fn parse_json(text: &str) -> Result<Vec<ImportedCamera>, String> {
     let value = json::value(text)?;
-    if value.get("format_version").is_some() {
+    if groundcal_json::looks_like_it(&value) {
         return groundcal_json::camera(text).map(|c| vec![c]);
     }
     let root = Node::from_json(&value);

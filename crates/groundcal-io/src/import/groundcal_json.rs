@@ -1,15 +1,25 @@
 //! `calibration.json`, as this program writes it (docs/formats.md): [`Calibration`] itself, checked.
 
-use std::path::{Path, PathBuf};
+use std::{
+    collections::HashSet,
+    path::{Path, PathBuf},
+};
 
 use groundcal::result::{
     Calibration, Covariance, Parameter,
     calibration::{FORMAT_VERSION, SCHEMA_VERSION},
 };
 
-use crate::error::IoError;
-use crate::import::imported::ImportedCamera;
-use crate::limits::FOCAL_LENGTHS_PX;
+use crate::{
+    error::IoError,
+    file,
+    import::{
+        imported::{ImportedCamera, image_size},
+        json,
+    },
+    limits::{FOCAL_LENGTHS_PX, MAX_CAMERA_BYTES},
+    text::plain,
+};
 
 const HINT: &str = "Name the calibration.json that `groundcal calibrate --out` wrote";
 /// How far an eigenvalue of a matrix of correlations may lie below zero: the rounding of numbers that are nearly tied.
@@ -18,29 +28,19 @@ const ROUNDING: f64 = 1e-6;
 /// Reads and checks a file, or the `calibration.json` in a folder.
 ///
 /// # Errors
-/// [`IoError::Input`] that names the file and what is wrong with it.
+/// [`IoError::File`] that names the file and what is wrong with it.
 pub fn read(path: &Path) -> Result<Calibration, IoError> {
     let path: PathBuf = if path.is_dir() { path.join("calibration.json") } else { path.to_path_buf() };
-    let fail = |what: String| IoError::Input(format!("{}: {what}", path.display()));
-    let text = match std::fs::read_to_string(&path) {
-        Ok(text) => text,
-        Err(e) if e.kind() == std::io::ErrorKind::InvalidData => {
-            return Err(fail(
-                "not a calibration (no text). Name the calibration.json of `groundcal calibrate --out`".into(),
-            ));
-        }
-        Err(e) => return Err(fail(format!("cannot be read: {e}"))),
-    };
-    parse(&text).map_err(fail)
+    let text = file::text(&path, MAX_CAMERA_BYTES, &format!("Not a calibration. {HINT}"))?;
+    parse(&text).map_err(|what| IoError::file(&path, what))
 }
 
 /// From the file's text; the error says what is wrong with it.
 pub fn parse(text: &str) -> Result<Calibration, String> {
-    let value: serde_json::Value =
-        serde_json::from_str(text).map_err(|e| format!("not a calibration: no JSON ({e}). {HINT}"))?;
+    let value = json::value(text).map_err(|e| format!("not a calibration: {e}. {HINT}"))?;
     versions(&value)?;
     let calibration: Calibration =
-        serde_json::from_value(value).map_err(|e| format!("not a calibration of this program: {e}. {HINT}"))?;
+        json::typed(value).map_err(|e| format!("not a calibration of this program: {e}. {HINT}"))?;
     check(&calibration)?;
     Ok(calibration)
 }
@@ -60,7 +60,8 @@ fn versions(value: &serde_json::Value) -> Result<(), String> {
         if !version.as_u64().is_some_and(|v| (1..=u64::from(newest)).contains(&v)) {
             let known = if newest == 1 { "1".to_string() } else { format!("1 to {newest}") };
             return Err(format!(
-                "{name} is {version}, this program reads {known}. Take the program that wrote it, or calibrate again"
+                "{name} is {}, this program reads {known}. Take the program that wrote it, or calibrate again",
+                plain(&version.to_string())
             ));
         }
     }
@@ -97,26 +98,15 @@ pub fn check(c: &Calibration) -> Result<(), String> {
 
 fn check_camera(c: &Calibration) -> Result<(), String> {
     let camera = &c.camera;
-    let [width, height] = camera.image_size;
-    if !(2..=100_000).contains(&width) || !(2..=100_000).contains(&height) {
-        return Err(format!("camera.image_size is {width} x {height}: both must lie between 2 and 100000"));
-    }
+    image_size(camera.image_size.map(|side| side as f64)).map_err(|e| format!("camera.image_size: {e}"))?;
     // NaN is in no range.
     for (name, value) in [("fx", camera.fx), ("fy", camera.fy)] {
         if !FOCAL_LENGTHS_PX.contains(&value) {
             return Err(format!("camera.{name} is {value:?}: it must be positive, and 1e7 px at most"));
         }
     }
-    let lens = camera.lens();
-    let others = [
-        ("cx", camera.cx),
-        ("cy", camera.cy),
-        ("skew", camera.skew),
-        ("distortion.k1", lens.k1),
-        ("distortion.k2", lens.k2),
-        ("distortion.p1", lens.p1),
-        ("distortion.p2", lens.p2),
-    ];
+    // What the lens has is finite when it is read.
+    let others = [("cx", camera.cx), ("cy", camera.cy), ("skew", camera.skew)];
     match others.iter().find(|(_, v)| !v.is_finite()) {
         Some((name, value)) => Err(format!("camera.{name} is {value}: it must be finite")),
         None => Ok(()),
@@ -136,8 +126,9 @@ fn check_attitudes(c: &Calibration) -> Result<(), String> {
 }
 
 fn check_views(c: &Calibration) -> Result<(), String> {
+    let mut known = HashSet::new();
     for (i, v) in c.views.iter().enumerate() {
-        let named = |what: String| format!("views[{i}] ({}): {what}", v.image);
+        let named = |what: String| format!("views[{i}] ({}): {what}", plain(&v.image));
         let position = v.position.unwrap_or([0.0, 0.0, 1.0]);
         let finite = position.iter().chain([&v.yaw_deg, &v.roll_deg]).all(|x| x.is_finite());
         if !(finite && v.pitch_down_deg.abs() <= 90.0 && position[2] > 0.0) {
@@ -145,8 +136,8 @@ fn check_views(c: &Calibration) -> Result<(), String> {
                 "angles and position must be finite, the pitch within 90 degrees, the height positive".into(),
             ));
         }
-        if c.views[..i].iter().any(|other| other.image == v.image) {
-            return Err(format!("views[{i}]: {} is there twice", v.image));
+        if !known.insert(v.image.as_str()) {
+            return Err(format!("views[{i}]: {} is there twice", plain(&v.image)));
         }
         index(v.attitude, c.attitudes.len()).map_err(|e| named(format!("attitude {e}")))?;
         covariance(&v.covariance).map_err(|e| named(format!("covariance.{e}")))?;
@@ -176,19 +167,28 @@ fn covariance<P: Copy + PartialEq>(c: &Covariance<P>) -> Result<(), String> {
     if (0..n).any(|i| c.parameters[..i].contains(&c.parameters[i])) {
         return Err("parameters: a name is there twice".into());
     }
+    // Nothing was estimated; an empty matrix has no eigenvalues to ask for.
+    if n == 0 {
+        return Ok(());
+    }
     let sigma: Vec<f64> = (0..n).map(|i| c.matrix[i][i].max(0.0).sqrt()).collect();
+    let unequal = |i: usize, j: usize| {
+        let (a, b) = (c.matrix[i][j], c.matrix[j][i]);
+        (a - b).abs() > ROUNDING * (sigma[i] * sigma[j]).max(a.abs()).max(b.abs())
+    };
+    if (0..n).any(|i| (0..i).any(|j| unequal(i, j))) {
+        return Err("matrix is not symmetric".into());
+    }
     let correlation = nalgebra::DMatrix::from_fn(n, n, |i, j| match sigma[i] * sigma[j] {
         scale if scale > 0.0 => c.matrix[i][j] / scale,
         _ if c.matrix[i][j] == 0.0 => 0.0,
         // A variance of zero or less with something beside it.
         _ => f64::INFINITY,
     });
-    let symmetric = (0..n).all(|i| (0..i).all(|j| (correlation[(i, j)] - correlation[(j, i)]).abs() <= ROUNDING));
-    if !symmetric {
-        return Err("matrix is not symmetric".into());
-    }
-    let possible = correlation.iter().all(|r| r.abs() <= 1.0 + ROUNDING)
-        && correlation.symmetric_eigenvalues().iter().all(|e| *e >= -ROUNDING * n as f64);
+    // An empty matrix has no eigenvalues to ask for.
+    let possible = n == 0
+        || correlation.iter().all(|r| r.abs() <= 1.0 + ROUNDING)
+            && correlation.symmetric_eigenvalues().iter().all(|e| *e >= -ROUNDING * n as f64);
     if possible { Ok(()) } else { Err("matrix is no covariance: it has a negative variance".into()) }
 }
 
@@ -197,8 +197,12 @@ pub fn camera(text: &str) -> Result<ImportedCamera, String> {
     let calibration = parse(text)?;
     let c = &calibration.camera;
     let size = [c.size().width as f64, c.size().height as f64];
-    let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), (c.lens(), 0.0))?;
-    Ok(ImportedCamera { covariance: covariance_of_parameters(&calibration), ..camera })
+    let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), c.lens())?;
+    Ok(ImportedCamera {
+        covariance: covariance_of_parameters(&calibration),
+        lens_source: c.distortion.source,
+        ..camera
+    })
 }
 
 /// The covariance, or else the squares of the standard deviations; nothing where neither is there.
@@ -269,12 +273,14 @@ mod tests {
         };
         wrong("\"fx\": 700.0", "\"fx\": -1.0", &["camera.fx is -1"]);
         wrong("\"cx\": 400.0", "\"cx\": 1e999", &["number out of range"]);
-        wrong("\"fx\": 700.0,", "", &["fx"]);
+        wrong("\"fx\": 700.0,", "", &["camera: there is no `fx`"]);
+        wrong("\"fx\": 700.0", "\"fx\": \"wide\"", &["camera.fx: found the text \"wide\", expected a number"]);
+        wrong("[800, 600]", "[100000, 100000]", &["camera.image_size", "megapixels"]);
         wrong("\"format_version\": 1", "\"format_version\": 7", &["format_version is 7", "reads 1"]);
         let later = "\"format_version\": 1, \"schema_version\": 9";
         wrong("\"format_version\": 1", later, &["schema_version is 9", "reads 1 to 2"]);
         wrong("\"format_version\": 1,", "", &["no format_version", "calibration.json"]);
-        wrong("radtan", "fisheye", &["fisheye", "radtan"]);
+        wrong("radtan", "omni", &["omni", "radtan"]);
         wrong("\"joint\"", "\"magic\"", &["magic", "rotating"]);
         wrong("[800, 600]", "[0, 600]", &["0 x 600"]);
         wrong("\"position\": [0.0, 0.0, 1.0]", "\"position\": [0.0, 0.0, -1.0]", &["views[0]", "a.jpg", "height"]);
@@ -286,7 +292,7 @@ mod tests {
         wrong("[4.0, 0.5], [0.5, 1.0]", "[4.0, 0.5], [0.5, -1.0]", &["covariance.matrix", "negative variance"]);
         wrong("[\"fx\", \"cx\"]", "[\"fx\", \"fx\"]", &["covariance.parameters", "twice"]);
         wrong("[\"fx\", \"cx\"]", "[\"fx\", \"zoom\"]", &["zoom"]);
-        assert!(parse("fx: 3").unwrap_err().contains("no JSON"));
+        assert!(parse("fx: 3").unwrap_err().contains("JSON"));
         let mut turning = parse(SMALL).unwrap();
         turning.scene = Some(Scene::Directions);
         turning.views[0].position = None;

@@ -1,8 +1,8 @@
 //! A camera as the formats give it: below them all.
 
 use groundcal::{
-    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
-    result::{Covariance, Parameter},
+    geometry::{intrinsics::Intrinsics, lens::Lens, size::ImageSize},
+    result::{Covariance, LensSource, Parameter},
 };
 
 use crate::limits::{FOCAL_LENGTHS_PX, MAX_PIXELS, SIDES_PX};
@@ -19,9 +19,9 @@ pub struct ImportedCamera {
     /// Camera matrix in pixels.
     pub intrinsics: Intrinsics,
     /// Lens.
-    pub distortion: Distortion,
-    /// Radial coefficient of sixth order.
-    pub k3: f64,
+    pub lens: Lens,
+    /// Where its coefficients come from, as far as the file says it.
+    pub lens_source: LensSource,
     /// Covariance (rows of what was held are zero), where the file has errors.
     pub covariance: Option<Covariance<Parameter>>,
     /// What was taken for granted, and what was left aside: sentences.
@@ -37,7 +37,7 @@ impl ImportedCamera {
         format: &'static str,
         size: Option<[f64; 2]>,
         intrinsics: Intrinsics,
-        (distortion, k3): (Distortion, f64),
+        lens: Lens,
     ) -> Result<Self, String> {
         let k = &intrinsics;
         for (name, value) in [("fx", k.fx), ("fy", k.fy)] {
@@ -45,23 +45,14 @@ impl ImportedCamera {
                 return Err(format!("the focal length {name} is {value:?}: it must be positive, and 1e7 px at most"));
             }
         }
-        let d = &distortion;
-        let others = [
-            ("cx", k.cx),
-            ("cy", k.cy),
-            ("skew", k.skew),
-            ("k1", d.k1),
-            ("k2", d.k2),
-            ("p1", d.p1),
-            ("p2", d.p2),
-            ("k3", k3),
-        ];
-        if let Some((name, value)) = others.iter().find(|(_, v)| !v.is_finite()) {
+        let of_lens = lens.parameter_names().iter().copied().zip(lens.parameters());
+        let mut others = [("cx", k.cx), ("cy", k.cy), ("skew", k.skew)].into_iter().chain(of_lens);
+        if let Some((name, value)) = others.find(|(_, v)| !v.is_finite()) {
             return Err(format!("{name} is {value}: it must be finite"));
         }
         let size = size.map(image_size).transpose()?;
         let (label, notes) = (String::new(), Vec::new());
-        Ok(Self { label, format, size, intrinsics, distortion, k3, covariance: None, notes })
+        Ok(Self { label, format, size, intrinsics, lens, lens_source: LensSource::Given, covariance: None, notes })
     }
 
     /// Under a name of its own.

@@ -2,11 +2,20 @@
 
 use serde_json::error::Category;
 
-use crate::text::plain;
+use crate::text::sentence;
 
 /// The value of a text.
 pub(crate) fn value(text: &str) -> Result<serde_json::Value, String> {
     serde_json::from_str(text).map_err(|e| fault(&e))
+}
+
+/// What a value stands for; the error names the field.
+pub(crate) fn typed<T: serde::de::DeserializeOwned>(value: serde_json::Value) -> Result<T, String> {
+    serde_path_to_error::deserialize(value).map_err(|e| {
+        let path = e.path().to_string();
+        let what = fault(e.inner());
+        if path == "." { what } else { format!("{}: {what}", sentence(&path)) }
+    })
 }
 
 /// What is wrong with a text, or with what it holds.
@@ -14,15 +23,17 @@ pub(crate) fn fault(error: &serde_json::Error) -> String {
     let place = format!("line {}, column {}", error.line(), error.column());
     match error.classify() {
         Category::Eof => format!("damaged JSON: it ends too early ({place})"),
+        Category::Syntax if error.to_string().starts_with("number out of range") => {
+            format!("a number out of range ({place})")
+        }
         Category::Data => words(&error.to_string()),
         _ => format!("damaged JSON ({place})"),
     }
 }
 
 /// Serde's sentence without names of types.
-fn words(sentence: &str) -> String {
-    let sentence = sentence.split(" at line ").next().unwrap_or_default();
-    let mut out = sentence.to_string();
+fn words(theirs: &str) -> String {
+    let mut out = theirs.split(" at line ").next().unwrap_or_default().to_string();
     for (theirs, ours) in [
         ("floating point ", "the number "),
         ("boolean ", "the word "),
@@ -56,7 +67,7 @@ fn words(sentence: &str) -> String {
         words.truncate(at);
         words.push("an object".into());
     }
-    plain(&words.join(" "))
+    sentence(&words.join(" "))
 }
 
 #[cfg(test)]

@@ -1,9 +1,13 @@
 //! Kalibr's camchain.yaml: cam0, cam1, ... Pixels are counted as here.
 
-use groundcal::geometry::intrinsics::Intrinsics;
+use groundcal::geometry::{intrinsics::Intrinsics, lens::Lens};
 
 use crate::{
-    import::{brown_conrady::brown_conrady, imported::ImportedCamera, node::Node},
+    import::{
+        imported::ImportedCamera,
+        lens::{brown_conrady, is_fisheye, kannala_brandt},
+        node::Node,
+    },
     text::{plain, quoted, some_of},
 };
 
@@ -36,8 +40,11 @@ fn camera(node: &Node) -> Result<ImportedCamera, String> {
     }
     let lens = match word("distortion_model") {
         "radtan" => brown_conrady(&numbers("distortion_coeffs")?)?,
-        "none" | "" => Default::default(),
-        other => return Err(format!("distortion_model is {}: only radtan and none are read", plain(other))),
+        "none" | "" => Lens::None,
+        model if is_fisheye(model) => kannala_brandt(&numbers("distortion_coeffs")?)?,
+        other => {
+            return Err(format!("distortion_model is {}: only radtan, equidistant and none are read", plain(other)));
+        }
     };
     let intrinsics = numbers("intrinsics")?;
     let [fx, fy, cx, cy] = intrinsics[..] else {

@@ -1,9 +1,8 @@
 //! Cameras of this program and of others. The content tells the format, not the name.
 //!
 //! [`read_camera`] reads a file; `formats` has the table of formats; one file a format; below them what they share: `imported` (the
-//! camera), `node` (YAML, XML and JSON as one tree), `key` and `spelling` (names in the wild), `brown_conrady` (lists of coefficients).
+//! camera), `node` (YAML, XML and JSON as one tree), `key` and `spelling` (names in the wild), `lens` (lists of coefficients).
 
-mod brown_conrady;
 mod colmap;
 mod formats;
 pub mod groundcal_json;
@@ -11,6 +10,7 @@ mod imported;
 mod json;
 mod kalibr;
 mod key;
+mod lens;
 mod nerfstudio;
 mod node;
 mod opencv;
@@ -21,6 +21,9 @@ mod truth_json;
 
 pub use imported::ImportedCamera;
 pub use read::read_camera;
+
+#[cfg(test)]
+pub(crate) use formats::parse;
 
 #[cfg(test)]
 mod tests;

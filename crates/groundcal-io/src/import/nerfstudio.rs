@@ -5,10 +5,18 @@
 
 use std::collections::HashMap;
 
-use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
+use groundcal::geometry::{
+    intrinsics::Intrinsics,
+    lens::{Lens, Radtan},
+};
 
 use crate::{
-    import::{imported::ImportedCamera, key::sounds_like_a_lens, node::Node},
+    import::{
+        imported::ImportedCamera,
+        key::sounds_like_a_lens,
+        lens::{is_fisheye, kannala_brandt},
+        node::Node,
+    },
     text::{plain, some_of},
 };
 
@@ -34,7 +42,7 @@ const KEYS: [&str; 19] = [
     "camera_angle_y",
     "skew",
 ];
-/// Models that are read.
+/// Models in x / z that are read.
 const MODELS: [&str; 7] = ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "perspective", ""];
 /// Cameras that a file may have.
 const MAX_CAMERAS: usize = 10_000;
@@ -99,21 +107,7 @@ pub(crate) fn cameras(root: &Node) -> Result<Vec<ImportedCamera>, String> {
 }
 
 fn camera(values: &Values) -> Result<ImportedCamera, String> {
-    if values.get("is_fisheye").is_some_and(Node::is_set) {
-        return Err("is_fisheye is true: fisheye lenses are not read, only k1, k2, p1, p2, k3 are".into());
-    }
-    if let Some(model) = values.get("camera_model") {
-        let model = model.text().unwrap_or_default();
-        if !MODELS.contains(&model) {
-            return Err(format!("camera_model is {}, which is not read: OPENCV and PINHOLE are", plain(model)));
-        }
-    }
-    let coefficient = |name: &str| values.number(name).map(|v| v.unwrap_or(0.0));
-    for name in ["k4", "k5", "k6"] {
-        if coefficient(name)? != 0.0 {
-            return Err(format!("{name} is {}: only k1, k2, p1, p2, k3 are read", coefficient(name)?));
-        }
-    }
+    let lens = lens(values)?;
     let size = [values.required("w")?, values.required("h")?];
     let mut notes = Vec::new();
     let (fx, fy) = focal_lengths(values, size, &mut notes)?;
@@ -125,17 +119,45 @@ fn camera(values: &Values) -> Result<ImportedCamera, String> {
         Ok(given.unwrap_or(0.5 * side) - 0.5)
     };
     let (cx, cy) = (centre("cx", size[0])?, centre("cy", size[1])?);
-    let lens =
-        Distortion { k1: coefficient("k1")?, k2: coefficient("k2")?, p1: coefficient("p1")?, p2: coefficient("p2")? };
     let of = values.frame.into_iter().chain([values.top]);
     let unknown: Vec<&str> =
         of.flat_map(|node| node.keys()).filter(|k| !KEYS.contains(k) && sounds_like_a_lens(k)).collect();
     if !unknown.is_empty() {
         notes.push(format!("sounds like a lens and is not read: {}", some_of(unknown, 8)));
     }
-    let intrinsics = Intrinsics { fx, fy, cx, cy, skew: coefficient("skew")? };
-    let camera = ImportedCamera::new("transforms.json", Some(size), intrinsics, (lens, coefficient("k3")?))?;
+    let intrinsics = Intrinsics { fx, fy, cx, cy, skew: values.number("skew")?.unwrap_or(0.0) };
+    let camera = ImportedCamera::new("transforms.json", Some(size), intrinsics, lens)?;
     Ok(camera.noted(notes))
+}
+
+/// The lens: k1 to k4 of a fisheye, or k1, k2, p1, p2, k3.
+fn lens(values: &Values) -> Result<Lens, String> {
+    let mut fisheye = values.get("is_fisheye").is_some_and(Node::is_set);
+    if let Some(model) = values.get("camera_model") {
+        let model = model.text().unwrap_or_default();
+        fisheye |= is_fisheye(model);
+        if !is_fisheye(model) && !MODELS.contains(&model) {
+            return Err(format!(
+                "camera_model is {}, which is not read: OPENCV, PINHOLE and OPENCV_FISHEYE are",
+                plain(model)
+            ));
+        }
+    }
+    let coefficient = |name: &str| values.number(name).map(|v| v.unwrap_or(0.0));
+    let (of, beyond): ([&str; 5], &[&str]) = if fisheye {
+        (["k1", "k2", "k3", "k4", ""], &["k5", "k6", "p1", "p2"])
+    } else {
+        (["k1", "k2", "p1", "p2", "k3"], &["k4", "k5", "k6"])
+    };
+    for name in beyond {
+        if coefficient(name)? != 0.0 {
+            let read = of.join(", ");
+            return Err(format!("{name} is {}: only {} are read", coefficient(name)?, read.trim_end_matches(", ")));
+        }
+    }
+    let [a, b, c, d, e] = of.map(coefficient);
+    let [a, b, c, d, e] = [a?, b?, c?, d?, e?];
+    if fisheye { kannala_brandt(&[a, b, c, d]) } else { Ok(Lens::Radtan(Radtan::new([a, b, c, d, e]))) }
 }
 
 /// fl_x and fl_y, or those of the angles of view.

@@ -4,23 +4,26 @@
 //! A file of a stereo pair holds `M1, D1, M2, D2` or `K1`, `cameraMatrix1`, `camera_matrix_left`, ...: each is a camera by the name of
 //! its matrix.
 
-use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
+use groundcal::geometry::{
+    intrinsics::Intrinsics,
+    lens::{Lens, Radtan},
+};
 
 use crate::{
     import::{
-        brown_conrady::brown_conrady,
         imported::ImportedCamera,
         key::{is_coefficient, lens_side, matrix_side, sounds_like_a_lens},
+        lens::{brown_conrady, is_fisheye, kannala_brandt},
         node::Node,
     },
     text::{plain, quoted, some_of},
 };
 
-/// Flags of another lens model, whatever follows them.
+/// Flags of `cv2.fisheye`, the equidistant model.
 const FISHEYE_FLAGS: [&str; 4] = ["fisheye_model", "is_fisheye", "fisheye", "use_fisheye"];
 /// Names of the lens model.
 const MODEL: [&str; 4] = ["distortion_model", "camera_model", "lens_model", "model_type"];
-/// Models that are read.
+/// Models in x / z that are read.
 const READ: [&str; 12] = [
     "plumb_bob",
     "radtan",
@@ -56,13 +59,13 @@ pub(crate) fn named(format: &'static str, root: &Node) -> Result<Vec<ImportedCam
     if matrices.is_empty() {
         return Err(format!("no camera_matrix; the file has the keys {}", some_of(root.keys(), 8)));
     }
-    check_model(root)?;
+    let family = family(root)?;
     let size = image_size(root)?;
     let one = matrices.len() == 1;
     let of = |(name, matrix, side): &(&str, &Node, &'static str)| {
         let intrinsics = intrinsics(name, matrix)?;
-        let (lens, mut notes) = lens(root, side, one, format)?;
-        notes.extend(not_read(root));
+        let (lens, mut notes) = lens(root, (side, one), family, format)?;
+        notes.extend(not_read(root, family));
         let camera = ImportedCamera::new(format, size, intrinsics, lens)
             .map_err(|e| if one { e } else { format!("{}: {e}", plain(name)) })?;
         Ok(camera.labelled(if one { String::new() } else { plain(name) }).noted(notes))
@@ -70,29 +73,42 @@ pub(crate) fn named(format: &'static str, root: &Node) -> Result<Vec<ImportedCam
     matrices.iter().map(of).collect()
 }
 
-/// Refuses lens models that are not read.
-fn check_model(root: &Node) -> Result<(), String> {
-    const ONLY: &str = "only pinhole cameras with k1, k2, p1, p2, k3 are read";
-    for flag in FISHEYE_FLAGS {
-        if root.get(&[flag]).is_some_and(Node::is_set) {
-            return Err(format!("{flag}: OpenCV's fisheye model, which is not read: {ONLY}"));
-        }
-    }
+/// What the coefficients are of.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Family {
+    /// Brown-Conrady; nothing else is said.
+    BrownConrady,
+    /// The equidistant fisheye.
+    Fisheye,
+}
+
+/// The lens model by flags and names; refuses those that are not read.
+fn family(root: &Node) -> Result<Family, String> {
     if let Some(xi) = root.get(&["xi"]) {
         let value = xi.numbers().ok().and_then(|v| v.first().copied());
         return Err(format!(
-            "xi is {}: the omnidirectional model, which is not read: {ONLY}",
+            "xi is {}: the omnidirectional model, which is not read: pinhole cameras with k1, k2, p1, p2, k3 and fisheye cameras with k1, \
+             k2, k3, k4 are",
             value.unwrap_or(f64::NAN)
         ));
     }
+    let mut family = Family::BrownConrady;
+    if FISHEYE_FLAGS.iter().any(|flag| root.get(&[flag]).is_some_and(Node::is_set)) {
+        family = Family::Fisheye;
+    }
     for name in MODEL {
-        if let Some(model) = root.get(&[name]).and_then(Node::text)
-            && !READ.contains(&model.to_ascii_lowercase().as_str())
-        {
-            return Err(format!("{name} is {}, which is not read: plumb_bob (k1, k2, p1, p2, k3) is", plain(model)));
+        match root.get(&[name]).and_then(Node::text) {
+            Some(model) if is_fisheye(model) => family = Family::Fisheye,
+            Some(model) if !READ.contains(&model.to_ascii_lowercase().as_str()) => {
+                return Err(format!(
+                    "{name} is {}, which is not read: plumb_bob (k1, k2, p1, p2, k3) and equidistant (k1, k2, k3, k4) are",
+                    plain(model)
+                ));
+            }
+            _ => {}
         }
     }
-    Ok(())
+    Ok(family)
 }
 
 fn intrinsics(name: &str, matrix: &Node) -> Result<Intrinsics, String> {
@@ -110,7 +126,7 @@ fn intrinsics(name: &str, matrix: &Node) -> Result<Intrinsics, String> {
 }
 
 /// The lens of one side, with what to say about it.
-fn lens(root: &Node, side: &str, one: bool, format: &str) -> Result<((Distortion, f64), Vec<String>), String> {
+fn lens(root: &Node, (side, one): (&str, bool), family: Family, format: &str) -> Result<(Lens, Vec<String>), String> {
     let lists: Vec<(&str, &Node)> = root
         .entries()
         .iter()
@@ -123,44 +139,62 @@ fn lens(root: &Node, side: &str, one: bool, format: &str) -> Result<((Distortion
         .collect();
     let mut notes = Vec::new();
     let (name, list) = match lists[..] {
-        [] => return named_coefficients(root, side),
+        [] => return named_coefficients(root, side, family),
         [only] => only,
         [(first, _), (second, _), ..] => {
             return Err(format!("{} and {} are both a lens. Remove one", quoted(first), quoted(second)));
         }
     };
     let numbers = list.numbers().map_err(|e| format!("{}: {e}", plain(name)))?;
+    let fail = |e: String| format!("{}: {e}", plain(name));
+    if family == Family::Fisheye {
+        return Ok((kannala_brandt(&numbers).map_err(fail)?, notes));
+    }
     if numbers.len() == 4 && format == "OpenCV" {
         notes.push(format!(
-            "the four numbers of {} are read as k1, k2, p1, p2; of cv2.fisheye they would be another lens",
+            "the four numbers of {} are read as k1, k2, p1, p2; of cv2.fisheye they would be another lens (add fisheye_model: 1)",
             plain(name)
         ));
     }
-    Ok((brown_conrady(&numbers).map_err(|e| format!("{}: {e}", plain(name)))?, notes))
+    Ok((brown_conrady(&numbers).map_err(fail)?, notes))
 }
 
-/// k1, k2, p1, p2, k3 as values of their own; else no lens, which is said.
-fn named_coefficients(root: &Node, side: &str) -> Result<((Distortion, f64), Vec<String>), String> {
+/// Coefficients as values of their own; else no lens, which is said.
+fn named_coefficients(root: &Node, side: &str, family: Family) -> Result<(Lens, Vec<String>), String> {
     let at = |name: &str| root.get(&[name]).and_then(Node::number);
-    if side.is_empty() && ["k1", "k2", "p1", "p2", "k3"].into_iter().any(|n| at(n).is_some()) {
-        if let Some((name, value)) =
-            ["k4", "k5", "k6"].into_iter().find_map(|n| at(n).filter(|v| *v != 0.0).map(|v| (n, v)))
-        {
-            return Err(format!("{name} is {value}: only k1, k2, p1, p2, k3 are read"));
+    let value = |name: &str| at(name).unwrap_or(0.0);
+    let names: &[&str] = match family {
+        Family::BrownConrady => &["k1", "k2", "p1", "p2", "k3"],
+        Family::Fisheye => &["k1", "k2", "k3", "k4"],
+    };
+    if side.is_empty() && names.iter().any(|n| at(n).is_some()) {
+        let all = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
+        if let Some(name) = all.into_iter().find(|n| !names.contains(n) && value(n) != 0.0) {
+            return Err(format!("{name} is {}: only {} are read", value(name), names.join(", ")));
         }
-        let [k1, k2, p1, p2, k3] = ["k1", "k2", "p1", "p2", "k3"].map(|n| at(n).unwrap_or(0.0));
-        return Ok(((Distortion { k1, k2, p1, p2 }, k3), Vec::new()));
+        let lens = match family {
+            Family::BrownConrady => Lens::Radtan(Radtan::new(["k1", "k2", "p1", "p2", "k3"].map(value))),
+            Family::Fisheye => kannala_brandt(&["k1", "k2", "k3", "k4"].map(value))?,
+        };
+        return Ok((lens, Vec::new()));
+    }
+    if family == Family::Fisheye {
+        return Err("a fisheye lens without coefficients (distortion_coefficients: k1, k2, k3, k4)".into());
     }
     let note = "no lens distortion in the file (distortion_coefficients): taken as none".to_string();
-    Ok((Default::default(), vec![note]))
+    Ok((Lens::None, vec![note]))
 }
 
 /// A sentence about names that sound like a lens and are not read.
-fn not_read(root: &Node) -> Option<String> {
+fn not_read(root: &Node, family: Family) -> Option<String> {
     // A list of coefficients, the single ones that are read, flags and words.
     let read = |name: &str, value: &Node| match value.number() {
         Some(_) => {
-            !is_coefficient(name) || ["k1", "k2", "k3", "p1", "p2"].contains(&name.to_ascii_lowercase().as_str())
+            let read: &[&str] = match family {
+                Family::BrownConrady => &["k1", "k2", "k3", "p1", "p2"],
+                Family::Fisheye => &["k1", "k2", "k3", "k4"],
+            };
+            !is_coefficient(name) || read.contains(&name.to_ascii_lowercase().as_str())
         }
         None => lens_side(name).is_some() || value.text().is_some(),
     };

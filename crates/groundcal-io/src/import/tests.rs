@@ -1,4 +1,8 @@
-use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize};
+use groundcal::geometry::{
+    intrinsics::Intrinsics,
+    lens::{Fisheye, Lens, Radtan},
+    size::ImageSize,
+};
 use groundcal::result::Parameter;
 
 use crate::import::{ImportedCamera, formats::parse, read_camera};
@@ -38,6 +42,11 @@ fn one(text: &str) -> ImportedCamera {
     cameras.swap_remove(0)
 }
 
+/// A coefficient of the lens, 0 where its model has none of the name.
+fn of(camera: &ImportedCamera, name: &str) -> f64 {
+    camera.lens.parameter(name).unwrap_or(0.0)
+}
+
 #[test]
 fn every_format_gives_the_same_camera() {
     for (format, k3, text) in [
@@ -59,23 +68,20 @@ fn every_format_gives_the_same_camera() {
             Intrinsics { fx: 700.0, fy: 702.0, cx: 400.25, cy: 299.5, skew: 0.0 },
             "{format}"
         );
-        assert_eq!(camera.distortion, Distortion { k1: -0.1, k2: 0.02, p1: 1e-3, p2: -2e-3 }, "{format}");
-        assert_eq!(camera.k3, k3, "{format}");
+        assert_eq!(camera.lens, Lens::Radtan(Radtan::new([-0.1, 0.02, 1e-3, -2e-3, k3])), "{format}");
     }
 }
 
 #[test]
 fn models_of_colmap_and_errors_of_ours() {
     let all = parse(COLMAP).unwrap();
-    let found: Vec<(&str, f64, f64, f64, f64)> = all
-        .iter()
-        .map(|c| (c.label.as_str(), c.intrinsics.fy, c.intrinsics.cx, c.distortion.k1, c.distortion.k2))
-        .collect();
+    let found: Vec<(&str, f64, f64, f64, f64)> =
+        all.iter().map(|c| (c.label.as_str(), c.intrinsics.fy, c.intrinsics.cx, of(c, "k1"), of(c, "k2"))).collect();
     assert_eq!(found[1], ("2", 500.0, 319.5, -0.05, 0.0));
     assert_eq!(found[2], ("3", 501.0, 319.5, 0.0, 0.0));
     assert_eq!(found[3], ("4", 500.0, 319.5, 0.0, 0.0));
     assert_eq!(found[4], ("5", 500.0, 319.5, -0.05, 0.01));
-    assert_eq!(all[5].k3, 0.005);
+    assert_eq!(of(&all[5], "k3"), 0.005);
     // Rows by name, wherever they stand.
     let covariance = one(OURS).covariance.unwrap();
     let (fx, fy, k1) = (Parameter::Fx, Parameter::Fy, Parameter::K1);
@@ -97,22 +103,76 @@ fn refused(text: &str, words: &[&str]) {
     }
 }
 
+/// The files with their four numbers taken for a fisheye's: k1 -0.1, k2 0.02, k3 0.001, k4 -0.002.
+fn fisheyes() -> Vec<(&'static str, String)> {
+    let four = |text: &str| {
+        let text = text.replace("rows: 5\n", "rows: 4\n").replace("<rows>5</rows>", "<rows>4</rows>");
+        let text = text.replace("cols: 5", "cols: 4").replace(" 0.005</data>", "</data>").replace(", 0.005", "");
+        text.replace(", \"k3\": 0.005", "")
+    };
+    let renamed = |text: &str| {
+        let text = text.replace(", \"k3\": 0.005", "");
+        text.replace("\"p1\"", "\"k3\"").replace("\"p2\"", "\"k4\"").replace("radtan", "fisheye")
+    };
+    vec![
+        ("OpenCV", four(OPENCV_YAML).replace("flags: 0", "fisheye_model: 1")),
+        ("OpenCV", four(OPENCV_YAML).replace("flags: 0", "distortion_model: equidistant")),
+        ("OpenCV", four(OPENCV_XML).replace("<image_Width>", "<fisheye_model>1</fisheye_model><image_Width>")),
+        ("ROS camera_info", four(ROS).replace("plumb_bob", "equidistant")),
+        ("ROS camera_info", four(ROS_MESSAGE).replace("plumb_bob", "equidistant")),
+        ("Kalibr", KALIBR.replace("radtan", "equidistant")),
+        ("COLMAP", COLMAP.replace("1 OPENCV", "1 OPENCV_FISHEYE")),
+        ("transforms.json", renamed(NERFSTUDIO).replace("\"OPENCV\"", "\"OPENCV_FISHEYE\"")),
+        ("transforms.json", renamed(NERFSTUDIO).replace("\"w\"", "\"is_fisheye\": true, \"w\"")),
+        ("truth", renamed(TRUTH)),
+        ("groundcal", renamed(OURS)),
+    ]
+}
+
+#[test]
+fn every_format_gives_the_same_fisheye() {
+    for (format, text) in fisheyes() {
+        let camera = one(&text);
+        assert_eq!(camera.format, format);
+        assert_eq!(camera.lens, Lens::Fisheye(Fisheye::new([-0.1, 0.02, 1e-3, -2e-3])), "{format}: {text}");
+        assert!(
+            (camera.intrinsics.cx - 400.25).abs() < 1e-12 && camera.notes.is_empty(),
+            "{format}: {:?}",
+            camera.notes
+        );
+    }
+    let simple = one(&COLMAP.replace(
+        "1 OPENCV 800 600 700 702 400.75 300 -0.1 0.02 0.001 -0.002",
+        "1 SIMPLE_RADIAL_FISHEYE 800 600 700 400 300 0.1",
+    ));
+    assert_eq!(simple.lens, Lens::Fisheye(Fisheye::new([0.1, 0.0, 0.0, 0.0])));
+    let named = "K: [700, 0, 320, 0, 700, 240, 0, 0, 1]\nfisheye: true\nk1: -0.1\nk4: 0.02\n";
+    assert_eq!(one(named).lens, Lens::Fisheye(Fisheye::new([-0.1, 0.0, 0.0, 0.02])));
+    refused(&format!("{named}p1: 0.1\n"), &["p1 is 0.1", "k1, k2, k3, k4"]);
+}
+
 #[test]
 fn lenses_that_are_not_read_are_named() {
-    refused(&KALIBR.replace("radtan", "equidistant"), &["cam0", "equidistant", "radtan"]);
+    refused(&KALIBR.replace("radtan", "fov"), &["cam0", "fov", "radtan, equidistant"]);
+    refused(&KALIBR.replace("radtan", "equidistant").replace(", -0.002]", "]"), &["cam0", "3 distortion", "has four"]);
     refused(&KALIBR.replace("camera_model: pinhole", "camera_model: omni"), &["omni", "only pinhole"]);
-    refused(&COLMAP.replace("2 SIMPLE_RADIAL", "2 OPENCV_FISHEYE"), &["line 4", "OPENCV_FISHEYE", "SIMPLE_PINHOLE"]);
+    refused(
+        &COLMAP.replace("2 SIMPLE_RADIAL", "2 THIN_PRISM_FISHEYE"),
+        &["line 4", "THIN_PRISM_FISHEYE", "OPENCV_FISHEYE"],
+    );
+    refused(&COLMAP.replace("2 SIMPLE_RADIAL", "2 OPENCV_FISHEYE"), &["line 4", "OPENCV_FISHEYE has 8"]);
     refused(&COLMAP.replace("0.005 0 0 0", "0.005 0.1 0 0"), &["line 8", "coefficient 6 is 0.1"]);
-    refused(&ROS.replace("plumb_bob", "equidistant"), &["equidistant", "plumb_bob"]);
-    refused(&OPENCV_XML.replace("<image_Width>", "<fisheye_model>1</fisheye_model><image_Width>"), &["fisheye"]);
-    refused(&OPENCV_YAML.replace("flags: 0", "fisheye: true"), &["fisheye", "only pinhole"]);
+    refused(&ROS.replace("plumb_bob", "thin_prism"), &["thin_prism", "plumb_bob", "equidistant"]);
+    refused(&ROS.replace("plumb_bob", "equidistant"), &["5 distortion coefficients", "has four"]);
+    refused(&OPENCV_YAML.replace("flags: 0", "fisheye: true"), &["distortion_coefficients", "has four"]);
     refused(&OPENCV_YAML.replace("flags: 0", "xi: 1.2"), &["xi is 1.2", "omnidirectional"]);
-    refused(&NERFSTUDIO.replace("\"w\"", "\"is_fisheye\": true, \"w\""), &["is_fisheye", "not read"]);
-    refused(&NERFSTUDIO.replace("\"OPENCV\"", "\"OPENCV_FISHEYE\""), &["OPENCV_FISHEYE", "not"]);
-    refused(&TRUTH.replace("radtan", "fisheye"), &["fisheye"]);
+    refused(&NERFSTUDIO.replace("\"w\"", "\"is_fisheye\": true, \"w\""), &["p1 is 0.001", "k1, k2, k3, k4 are"]);
+    refused(&NERFSTUDIO.replace("\"OPENCV\"", "\"EQUIRECTANGULAR\""), &["EQUIRECTANGULAR", "not"]);
+    refused(&TRUTH.replace("radtan", "fisheye"), &["p1 is 0.001", "fisheye"]);
+    refused(&TRUTH.replace("radtan", "omni"), &["omni", "fisheye"]);
     let eight = OPENCV_YAML.replace("rows: 5\n", "rows: 8\n").replace("0.005 ]", "0.005, 0, 0.3, 0 ]");
     refused(&eight, &["coefficient 7 is 0.3", "rational"]);
-    assert_eq!(one(&eight.replace("0.3", "0")).k3, 0.005);
+    assert_eq!(of(&one(&eight.replace("0.3", "0")), "k3"), 0.005);
 }
 
 #[test]
@@ -189,7 +249,7 @@ fn the_lens_is_read_under_any_spelling() {
         let text = if key == "D1" { opencv_with(key).replace("camera_matrix", "M1") } else { opencv_with(key) };
         let camera = one(&text);
         assert_eq!(
-            (camera.distortion.k1, camera.k3, camera.notes.len()),
+            (of(&camera, "k1"), of(&camera, "k3"), camera.notes.len()),
             (-0.1, 0.005, 0),
             "{key}: {:?}",
             camera.notes
@@ -197,11 +257,11 @@ fn the_lens_is_read_under_any_spelling() {
     }
     // Lists of lists, in YAML and in JSON; coefficients by their names.
     let plain = "camera_matrix:\n- [705.0, 0.0, 409.5]\n- [0.0, 705.0, 291.0]\n- [0.0, 0.0, 1.0]\ndist_coeff:\n- [-0.1, 0.02, 0.0, 0.0, 0.0]\n";
-    assert_eq!(one(plain).distortion.k1, -0.1);
+    assert_eq!(of(&one(plain), "k1"), -0.1);
     let json = r#"{"mtx": [[700, 0, 320], [0, 700, 240], [0, 0, 1]], "dist": [[-0.1, 0.02, 0.0, 0.0, 0.0]]}"#;
-    assert_eq!((one(json).intrinsics.fx, one(json).distortion.k2), (700.0, 0.02));
+    assert_eq!((one(json).intrinsics.fx, of(&one(json), "k2")), (700.0, 0.02));
     let named = "K: [700, 0, 320, 0, 700, 240, 0, 0, 1]\nk1: -0.1\nk2: 0.02\nimage_size: [640, 480]\n";
-    assert_eq!((one(named).distortion.k1, one(named).size), (-0.1, Some(ImageSize::new(640, 480))));
+    assert_eq!((of(&one(named), "k1"), one(named).size), (-0.1, Some(ImageSize::new(640, 480))));
     refused(&format!("{named}k4: 0.1\n"), &["k4 is 0.1"]);
     refused(&format!("{plain}D: [1, 2, 3, 4]\n"), &["dist_coeff", "D", "both a lens"]);
 }
@@ -236,7 +296,7 @@ fn both_cameras_of_a_pair_are_reached() {
         );
         let cameras = parse(&text).unwrap();
         let found: Vec<(&str, f64, f64)> =
-            cameras.iter().map(|c| (c.label.as_str(), c.intrinsics.fx, c.distortion.k1)).collect();
+            cameras.iter().map(|c| (c.label.as_str(), c.intrinsics.fx, of(c, "k1"))).collect();
         assert_eq!(found, [(k1, 705.0, -0.1), (k2, 900.0, -0.2)]);
     }
 }
@@ -247,12 +307,12 @@ fn cameras_of_frames_are_reached() {
     let other = r#"{"file_path": "a.png"}, {"file_path": "b.png", "fl_x": 900, "fl_y": 901}, {"file_path": "c.png", "fl_x": 900, "fl_y": 901}"#;
     let cameras = parse(&frames(other)).unwrap();
     let found: Vec<(&str, f64, f64)> =
-        cameras.iter().map(|c| (c.label.as_str(), c.intrinsics.fx, c.distortion.k1)).collect();
+        cameras.iter().map(|c| (c.label.as_str(), c.intrinsics.fx, of(c, "k1"))).collect();
     assert_eq!(found, [("a.png", 700.0, -0.1), ("b.png", 900.0, -0.1)]);
     assert_eq!(one(&frames(r#"{"file_path": "a.png", "fl_x": 700}"#)).label, "");
     refused(
-        &frames(r#"{"file_path": "a\u001b.png", "camera_model": "OPENCV_FISHEYE"}"#),
-        &["frames[0]", r"a\u{1b}.png", "FISHEYE"],
+        &frames(r#"{"file_path": "a\u001b.png", "camera_model": "EQUIRECTANGULAR"}"#),
+        &["frames[0]", r"a\u{1b}.png", "EQUIRECTANGULAR"],
     );
     refused(&NERFSTUDIO.replace("\"k1\": -0.1", "\"k1\": \"x\""), &["k1 is not a number"]);
     // instant-ngp: the angle of view.

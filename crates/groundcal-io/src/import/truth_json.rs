@@ -1,6 +1,6 @@
 //! truth.json of a rendered scene (docs/formats.md).
 
-use groundcal::geometry::{distortion::Distortion, intrinsics::Intrinsics};
+use groundcal::geometry::{intrinsics::Intrinsics, lens::Lens};
 
 use crate::{
     import::{imported::ImportedCamera, node::Node},
@@ -32,15 +32,15 @@ pub(crate) fn cameras(root: &Node) -> Result<Vec<ImportedCamera>, String> {
                 None => "radtan",
                 Some(model) => model.text().ok_or("distortion.model is not a word")?,
             };
-            if !matches!(model, "none" | "radtan") {
-                return Err(format!("distortion.model is {}: none or radtan is read", plain(model)));
+            let mut given = Vec::new();
+            for name in ["k1", "k2", "p1", "p2", "k3", "k4", "lambda"] {
+                given.extend(number(lens, "distortion.", name)?.map(|value| (name, value)));
             }
-            let at = |name: &str| number(lens, "distortion.", name).map(|v| v.unwrap_or(0.0));
-            (Distortion { k1: at("k1")?, k2: at("k2")?, p1: at("p1")?, p2: at("p2")? }, at("k3")?)
+            Lens::from_named(&plain(model), given)?
         }
-        Some(Node::Text(nothing)) if nothing.is_empty() => Default::default(),
+        Some(Node::Text(nothing)) if nothing.is_empty() => Lens::None,
         Some(_) => return Err("distortion is not an object of coefficients".into()),
-        None => Default::default(),
+        None => Lens::None,
     };
     Ok(vec![ImportedCamera::new("truth", Some([*w, *h]), intrinsics, lens)?])
 }

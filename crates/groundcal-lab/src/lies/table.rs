@@ -2,10 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use groundcal::numerics::statistics::median;
+
 use crate::lies::{
     kind::Kind,
     record::{LIE_SIGMAS, SceneRecord, Verdict, WRONG_SIGMAS},
 };
+
+/// Design effect that residuals without a pattern do not reach.
+const PATTERNED: f64 = 2.6;
 
 /// Counts over records.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -45,9 +50,10 @@ pub fn totals<'a>(records: impl IntoIterator<Item = &'a SceneRecord>) -> Totals 
     t
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+/// The median, where there is one.
+fn middle(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    (!values.is_empty()).then(|| median(&mut values))
 }
 
 /// `code 3, code` for codes and how many scenes have them.
@@ -87,8 +93,8 @@ pub fn table(records: &[SceneRecord]) -> String {
     );
     let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{v:.3}"));
     for (name, of, t) in &families {
-        let error = median(of.iter().filter_map(|r| Some(r.focal_error_percent()?.abs())).collect());
-        let sigma = median(of.iter().filter_map(|r| r.focal_sigma_percent()).collect());
+        let error = middle(of.iter().filter_map(|r| Some(r.focal_error_percent()?.abs())));
+        let sigma = middle(of.iter().filter_map(|r| r.focal_sigma_percent()));
         let worst = of.iter().filter(|r| r.is_answer()).max_by(|a, b| a.worst_sigmas().total_cmp(&b.worst_sigmas()));
         let worst = worst.map_or(String::new(), |r| format!("{:.1} sd (scene {})", r.worst_sigmas(), r.index));
         let held =
@@ -140,15 +146,17 @@ fn summary(records: &[SceneRecord]) -> String {
         out += &format!("{code:<34} {right:>14} {near:>11} {lies:>6}\n");
     }
     let silent = records.iter().filter(|r| r.verdict == Verdict::Lied && r.warnings.is_empty()).count();
-    let unconverged = |lied: bool| {
-        let which =
-            |r: &&SceneRecord| r.is_answer() && r.converged == Some(false) && (r.verdict == Verdict::Lied) == lied;
-        records.iter().filter(which).count()
+    let among = |lied: bool, which: &dyn Fn(&SceneRecord) -> bool| {
+        records.iter().filter(|r| r.is_answer() && which(r) && (r.verdict == Verdict::Lied) == lied).count()
     };
-    out += &format!(
-        "{silent} lies without any warning; refinement not converged in {} right answers and {} lies\n",
-        unconverged(false),
-        unconverged(true)
-    );
+    let unconverged = |r: &SceneRecord| r.converged == Some(false);
+    let patterned = |r: &SceneRecord| r.design_effect.is_some_and(|d| d > PATTERNED);
+    out += &format!("{silent} lies without any warning\n");
+    for (what, which) in [
+        ("refinement not converged", &unconverged as &dyn Fn(&SceneRecord) -> bool),
+        ("design effect above 2.6", &patterned),
+    ] {
+        out += &format!("{what:<34} {:>14} {:>18}\n", among(false, which), among(true, which));
+    }
     out
 }

@@ -6,16 +6,16 @@ use crate::{
         stage_options::StageOptions,
     },
     error::Error,
-    geometry::parameters::PriorParameter,
-    geometry::{distortion::Distortion, intrinsics::Intrinsics},
+    geometry::{distortion::Distortion, intrinsics::Intrinsics, parameters::PriorParameter},
     ids::{ImageId, PairId},
     numerics::statistics::chi_squared_survival,
     pairs::{known_lens::KnownLens, observation::PairObservation, plane_lens::Lens},
     result::{PrincipalPointDoubt, Warning},
+    start::linear_camera::PriorUse,
 };
 
 /// Standard deviation of fx, in percent, from which on its interval is only roughly one.
-pub(super) const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
+const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
 /// Parameters whose priors, when they decide, are worth a warning: a good camera's aspect ratio and a lens without distortion are
 /// no news.
 const MATTERS: [PriorParameter; 4] = [PriorParameter::Fx, PriorParameter::Cx, PriorParameter::Cy, PriorParameter::Skew];
@@ -144,9 +144,7 @@ fn disagreement(solved: &Solved) -> Option<Warning> {
 }
 
 fn deciding_priors(solved: &Solved) -> impl Iterator<Item = Warning> {
-    let decides = |p: &&crate::start::linear_camera::PriorUse| {
-        MATTERS.contains(&p.parameter) && p.posterior_over_prior > PRIOR_DECIDES
-    };
+    let decides = |p: &&PriorUse| MATTERS.contains(&p.parameter) && p.posterior_over_prior > PRIOR_DECIDES;
     solved.solution.priors.iter().filter(decides).map(|prior| Warning::PriorDecides {
         parameter: prior.parameter,
         posterior_over_prior: prior.posterior_over_prior,

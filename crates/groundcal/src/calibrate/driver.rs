@@ -147,9 +147,12 @@ fn given_lens_through_its_camera(
     if !rotating && found.selection.kind != MotionKind::PlaneNormal {
         return Ok(found);
     }
-    let select = |pairs: &[PairObservation]| match rotating {
-        true => select_rotations(pairs, &stages.rotations),
-        false => select_plane_normal(pairs, &stages.plane_normal, observer),
+    let select = |pairs: &[PairObservation]| {
+        if rotating {
+            select_rotations(pairs, &stages.rotations)
+        } else {
+            select_plane_normal(pairs, &stages.plane_normal, observer)
+        }
     };
     let (pairs, selection, point) = through_own_camera(found.pairs, found.selection, start, select, stages, observer)?;
     let mut warnings = found.warnings;

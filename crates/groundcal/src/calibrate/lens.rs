@@ -17,7 +17,7 @@ use crate::{
     start::{
         from_pairs::{camera_of_motions_through, camera_of_rotations_through},
         given_lens::{FixedPoint, fixed_point},
-        linear_camera::{CameraSolution, solve_camera},
+        linear_camera::{CameraSolution, solve_camera_until},
     },
 };
 
@@ -109,7 +109,8 @@ pub(super) fn estimated_lens_of_motions(
     for _ in 0..ESTIMATED_ROUNDS {
         selection = selection.confirmed(&pairs);
         let used = selection.used();
-        let camera = solve_camera(&selection.motions(&pairs), &stages.frame, &stages.camera).ok();
+        let camera = solve_camera_until(&selection.motions(&pairs), &stages.frame, &stages.camera, observer).ok();
+        observer.go_on()?;
         let centre = distortion_centre(camera.as_ref(), options);
         let Some(next) = lens_of_motions(&pairs, &used, centre, finding.as_ref(), options, observer)? else { break };
         let nothing_new = !next.significant && finding.as_ref().is_some_and(|before| !before.significant);

@@ -16,14 +16,14 @@ use crate::{
     start::{
         from_pairs::camera_of_motions_through,
         lens_uncertainty::covariance_of_lens,
-        linear_camera::{CameraOptions, check_certainty, solve_camera},
+        linear_camera::{CameraOptions, check_certainty, solve_camera_until},
     },
 };
 
 /// The camera of the motions selected.
 ///
 /// # Errors
-/// See [`solve_camera`] and [`refine_motions`]; [`Error::Stopped`].
+/// See [`solve_camera_until`] and [`refine_motions`]; [`Error::Stopped`].
 pub(super) fn solve_plane_normal(
     pairs: &[PairObservation],
     selection: &Selection,
@@ -33,7 +33,7 @@ pub(super) fn solve_plane_normal(
 ) -> Result<Solved, Error> {
     let (options, frame, used) = (stages.options, &stages.frame, selection.used());
     let mut camera = camera_options(pairs, selection, stages);
-    let mut solution = solve_camera(&selection.motions(pairs), frame, &camera)?;
+    let mut solution = solve_camera_until(&selection.motions(pairs), frame, &camera, observer)?;
     let refinement = RefinementOptions {
         frame: *frame,
         k2_is_held: options.lens == LensModel::K1,

@@ -90,7 +90,7 @@ pub(super) fn refine_motions(
     if scene == SceneModel::Directions || solution.groups.len() < 2 {
         return Ok(Some(joint));
     }
-    with_cross_links(joint, pairs, (&used, &groups), lens, options, observer).map(Some)
+    with_cross_links(joint, pairs, &used, &groups, lens, options, observer).map(Some)
 }
 
 /// Attitudes of the groups of a solution as their circular points say under a camera matrix.
@@ -113,7 +113,8 @@ fn attitudes_under(
 fn with_cross_links(
     mut joint: Joint,
     pairs: &[PairObservation],
-    (used, groups): (&[PairId], &ViewGroups),
+    used: &[PairId],
+    groups: &ViewGroups,
     lens: &KnownLens,
     options: &RefinementOptions,
     observer: &dyn Observer,

@@ -53,10 +53,8 @@ impl<'a> StageOptions<'a> {
     pub(super) fn new(options: &'a Options, source: &SourceTraits) -> Self {
         let size = source.size;
         let frame = Frame::new(size, options.principal_point_px);
-        let min_matches = match source.has_matches {
-            true => options.min_plane_matches.unwrap_or(source.min_plane_matches),
-            false => 0,
-        };
+        let min_matches =
+            if source.has_matches { options.min_plane_matches.unwrap_or(source.min_plane_matches) } else { 0 };
         let aspect = options.aspect.unwrap_or(1.0);
         let middling_camera = options.middling_camera(size);
         let named = options.pairs.is_some();

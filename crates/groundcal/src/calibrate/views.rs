@@ -38,3 +38,16 @@ impl Views {
         self.images.len()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_image_that_takes_no_part_is_no_view() {
+        let views = Views { images: [2, 5, 9].map(ImageId::new).into() };
+        assert_eq!(views.of(ImageId::new(5)), Some(ViewId::new(1)));
+        assert_eq!([0, 3, 10].map(|image| views.of(ImageId::new(image))), [None; 3]);
+        assert_eq!((views.image(ViewId::new(2)), views.len()), (ImageId::new(9), 3));
+    }
+}

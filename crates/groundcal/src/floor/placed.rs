@@ -34,7 +34,7 @@ pub fn placed(c: &Calibration, scale: f64) -> Result<Vec<Placed>, Error> {
             yaw_rad: yaw_deg.to_radians(),
             centre: Vector3::from(position) * scale,
         };
-        FloorView::new(&intrinsics, &lens, &view)
+        FloorView::new(&intrinsics, lens, &view)
     };
     let placed: Vec<Placed> = if c.views.is_empty() {
         attitude_of_images(c)

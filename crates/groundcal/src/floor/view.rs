@@ -100,7 +100,7 @@ impl FloorView {
             yaw_rad: view.yaw_deg.to_radians(),
             centre: Vector3::from(position),
         };
-        Self::new(&camera.intrinsics(), &camera.lens(), &pose)
+        Self::new(&camera.intrinsics(), camera.lens(), &pose)
     }
 
     /// The camera matrix.

@@ -4,9 +4,12 @@
 use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::{
-    intrinsics::Intrinsics,
-    lens::{Lens, Radtan},
+use crate::{
+    error::Error,
+    geometry::{
+        intrinsics::Intrinsics,
+        lens::{Lens, Radtan},
+    },
 };
 
 /// Coefficients of the lens distortion (no unit: they act on coordinates divided by the focal length).
@@ -65,6 +68,26 @@ impl Distortion {
     /// A distorted pixel to the pixel an ideal lens would have given, with the same camera matrix.
     pub fn undistort_pixel(&self, k: &Intrinsics, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         self.undistort(&k.normalised_from_pixel(pixel)).map(|p| k.pixel_from_normalised(&p))
+    }
+}
+
+impl TryFrom<&Lens> for Distortion {
+    type Error = Error;
+
+    /// Of a lens that k1, k2, p1 and p2 describe.
+    fn try_from(lens: &Lens) -> Result<Self, Error> {
+        match lens {
+            Lens::None => Ok(Self::default()),
+            Lens::Radtan(radtan) if radtan.parameters()[4] == 0.0 => {
+                let [k1, k2, p1, p2, _] = radtan.parameters();
+                Ok(Self { k1, k2, p1, p2 })
+            }
+            _ => Err(Error::InvalidInput(format!(
+                "a lens of the model {} ({}): only radtan with k1, k2, p1 and p2 is known here",
+                lens.name(),
+                lens.parameter_names().join(", ")
+            ))),
+        }
     }
 }
 

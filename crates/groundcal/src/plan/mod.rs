@@ -10,6 +10,7 @@
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
+pub mod after;
 mod candidate;
 pub mod carriers;
 mod information;

@@ -3,8 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{
-    distortion::Distortion,
+    camera,
     intrinsics::Intrinsics,
+    lens::Lens,
     parameters::{Parameter, PriorParameter},
     size::ImageSize,
 };
@@ -42,16 +43,6 @@ pub enum Scene {
     Floor,
     /// Points too far away to show where the camera was: a camera that turns on the spot.
     Directions,
-}
-
-/// Model of a lens.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum LensModelName {
-    /// No distortion.
-    None,
-    /// Brown-Conrady, as OpenCV.
-    Radtan,
 }
 
 /// Where the lens's coefficients come from.
@@ -103,7 +94,7 @@ pub struct Camera {
 
 impl Camera {
     /// A camera of images of this size.
-    pub fn new(size: ImageSize, k: &Intrinsics, lens: &Distortion, source: LensSource) -> Self {
+    pub fn new(size: ImageSize, k: &Intrinsics, lens: impl Into<Lens>, source: LensSource) -> Self {
         Self {
             image_size: [size.width, size.height],
             fx: k.fx,
@@ -111,7 +102,7 @@ impl Camera {
             cx: k.cx,
             cy: k.cy,
             skew: k.skew,
-            distortion: DistortionReport::new(lens, source),
+            distortion: DistortionReport { lens: lens.into(), source },
         }
     }
 
@@ -121,9 +112,13 @@ impl Camera {
     }
 
     /// The lens.
-    pub fn lens(&self) -> Distortion {
-        let d = &self.distortion;
-        Distortion { k1: d.k1, k2: d.k2, p1: d.p1, p2: d.p2 }
+    pub fn lens(&self) -> Lens {
+        self.distortion.lens
+    }
+
+    /// Size, camera matrix and lens.
+    pub fn model(&self) -> camera::Camera {
+        camera::Camera { size: self.size(), intrinsics: self.intrinsics(), lens: self.lens() }
     }
 
     /// Width and height.
@@ -139,47 +134,21 @@ impl Camera {
             Parameter::Cx => self.cx,
             Parameter::Cy => self.cy,
             Parameter::Skew => self.skew,
-            Parameter::K1 => self.distortion.k1,
-            Parameter::K2 => self.distortion.k2,
+            Parameter::K1 => self.distortion.lens.parameter("k1").unwrap_or(0.0),
+            Parameter::K2 => self.distortion.lens.parameter("k2").unwrap_or(0.0),
         }
     }
 }
 
-/// Lens distortion, named.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// Lens distortion: `model` and its parameters by name, and where they come from.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct DistortionReport {
-    /// The model.
-    pub model: LensModelName,
+    /// The lens.
+    #[serde(flatten)]
+    pub lens: Lens,
     /// Where the coefficients come from.
     #[serde(default)]
     pub source: LensSource,
-    /// Radial, second order.
-    #[serde(default)]
-    pub k1: f64,
-    /// Radial, fourth order.
-    #[serde(default)]
-    pub k2: f64,
-    /// Tangential.
-    #[serde(default)]
-    pub p1: f64,
-    /// Tangential.
-    #[serde(default)]
-    pub p2: f64,
-}
-
-impl DistortionReport {
-    /// Of a lens; its model is `none` where all coefficients are zero.
-    pub fn new(d: &Distortion, source: LensSource) -> Self {
-        let model = if d.is_none() { LensModelName::None } else { LensModelName::Radtan };
-        Self { model, source, k1: d.k1, k2: d.k2, p1: d.p1, p2: d.p2 }
-    }
-}
-
-/// None, and given so.
-impl Default for DistortionReport {
-    fn default() -> Self {
-        Self::new(&Distortion::default(), LensSource::Given)
-    }
 }
 
 /// A Gaussian prior and how much it counted.

@@ -9,9 +9,11 @@ use std::collections::BTreeMap;
 use nalgebra::{Complex, Matrix4, Vector4};
 
 use crate::{
+    error::Error,
     geometry::intrinsics::Intrinsics,
     ids::ImageId,
     numerics::{graph::components, statistics::chi_squared_survival},
+    observer::{Observer, Silent},
     pairs::circular_points::{CircularPoint, MotionGeometry},
     start::absolute_conic::WeightedPoint,
 };
@@ -129,6 +131,19 @@ fn weighted_points(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) 
 /// Joins motions that share an attitude, with axis errors of `attitude_sigma_rad` as seen by the camera `k` (frame units):
 /// those that share an image, since an image has one attitude, and those whose circular points agree.
 pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) -> Vec<AttitudeGroup> {
+    group_attitudes_until(motions, k, attitude_sigma_rad, &Silent).unwrap_or_default()
+}
+
+/// The same under an observer's eyes.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn group_attitudes_until(
+    motions: &[Motion],
+    k: &Intrinsics,
+    attitude_sigma_rad: f64,
+    observer: &dyn Observer,
+) -> Result<Vec<AttitudeGroup>, Error> {
     let weighted = weighted_points(motions, k, attitude_sigma_rad);
     let mut groups: Vec<AttitudeGroup> =
         connected_by_images(motions).into_iter().map(|members| join(members, &weighted, motions)).collect();
@@ -138,6 +153,7 @@ pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f
     });
     let mut apart: Vec<AttitudeGroup> = Vec::new();
     for group in groups {
+        observer.go_on()?;
         let nearest = apart
             .iter_mut()
             .map(|g| (attitude_distance(&g.fused, &group.fused, 0.0), g))
@@ -157,7 +173,7 @@ pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f
         group.members.sort_unstable();
     }
     apart.sort_by_key(|g| g.members[0]);
-    apart
+    Ok(apart)
 }
 
 /// Sets of motions joined by common images, in the order of their last members.

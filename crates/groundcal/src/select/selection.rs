@@ -109,3 +109,57 @@ impl Selection {
         self
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{frame::Frame, intrinsics::Intrinsics},
+        observer::Silent,
+        pairs::{
+            observation::{Refusal, RefusalKind},
+            observe::{ObserveOptions, observe},
+            robust::RobustOptions,
+        },
+        synthetic::points::PointScene,
+    };
+
+    fn observed(scene: &PointScene) -> Vec<PairObservation> {
+        let [cx, cy] = scene.size.centre_px();
+        let options = ObserveOptions {
+            frame: Frame::new(scene.size, None),
+            middling_camera: Intrinsics::square(scene.size.width as f64, cx, cy),
+            min_matches: 6,
+            from_elsewhere: true,
+            robust: RobustOptions::default(),
+            seed: 0,
+        };
+        let pairs = scene.pairs().into_iter().map(|p| p.pair).collect();
+        observe(pairs, None, &options, &Silent).expect("not stopped")
+    }
+
+    #[test]
+    fn the_motions_are_those_that_the_pairs_show_now() {
+        let mut pairs = observed(&PointScene::nominal(3));
+        let selection = Selection::new(MotionKind::PlaneNormal, &pairs, |id| match id.index() {
+            0 => PairVerdict::Rejected(Rejection::WrongSides),
+            _ => PairVerdict::Used { sides: Sides::One },
+        });
+        let [first, second] = [1, 2].map(PairId::new);
+        assert_eq!(selection.used(), [first, second]);
+        assert!(!selection.is_far_away());
+        let turned = |selection: &Selection, pairs: &[PairObservation]| -> Vec<f64> {
+            selection.motions(pairs).iter().map(|m| m.geometry.rotation_rad).collect()
+        };
+        let before = turned(&selection, &pairs);
+        assert_eq!(before.len(), 2);
+        // Looked at again, a pair shows another turn: the selection has no copy of the old one.
+        pairs[1].outcome.as_mut().expect("a turn").geometry.rotation_rad += 0.1;
+        assert_eq!(turned(&selection, &pairs), [before[0] + 0.1, before[1]]);
+        // And one that shows none any more takes no part, without moving the others.
+        pairs[1].outcome = Err(Refusal::new(RefusalKind::NoRotation, "hardly a turn".into(), None));
+        let selection = selection.confirmed(&pairs);
+        assert_eq!((selection.used(), turned(&selection, &pairs)), (vec![second], vec![before[1]]));
+        assert!(matches!(selection.verdict(first), PairVerdict::Rejected(Rejection::Disagrees { .. })));
+    }
+}

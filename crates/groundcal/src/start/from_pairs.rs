@@ -13,7 +13,7 @@ use crate::{
     },
     select::attitude_groups::{Motion, Sides},
     start::{
-        linear_camera::{CameraOptions, CameraSolution, solve_camera},
+        linear_camera::{CameraOptions, CameraSolution, solve_camera_until},
         rotating_camera::{RotatingOptions, RotatingSolution, calibrate_rotating},
     },
 };
@@ -21,7 +21,7 @@ use crate::{
 /// The camera of plane-normal motions `used` after undoing the distortion of `lens` anew on the matches of their planes.
 ///
 /// # Errors
-/// See [`solve_camera`]; [`Error::InvalidOption`] for a lens that cannot be undone where the matches are; [`Error::Stopped`].
+/// See [`crate::start::linear_camera::solve_camera`]; [`Error::InvalidOption`] for a lens that cannot be undone where the matches are; [`Error::Stopped`].
 pub(crate) fn camera_of_motions_through(
     lens: &Lens,
     pairs: &[PairObservation],
@@ -45,7 +45,7 @@ pub(crate) fn camera_of_motions_through(
             d.k1, d.k2
         )));
     }
-    solve_camera(&motions, frame, options)
+    solve_camera_until(&motions, frame, options, observer)
 }
 
 /// The camera of the rotations `used`.

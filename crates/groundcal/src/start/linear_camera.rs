@@ -12,8 +12,9 @@ use crate::{
         linalg::ComplexPoint,
         statistics::{VarianceComponent, chi_squared_survival},
     },
+    observer::{Observer, Silent},
     remedy::Remedy,
-    select::attitude_groups::{AttitudeGroup, Motion, group_attitudes, regroup},
+    select::attitude_groups::{AttitudeGroup, Motion, group_attitudes_until, regroup},
     start::absolute_conic::{
         ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, parameters_of, refine,
         solve_linear,
@@ -155,6 +156,16 @@ impl CameraOptions {
 /// [`Error::TooFewAttitudes`], [`Error::Undetermined`], [`Error::NotPositiveDefinite`] when the motions do not determine
 /// what the constraint asks for; [`Error::NoUsableMotion`] for an empty set.
 pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) -> Result<CameraSolution, Error> {
+    solve_camera_until(motions, frame, options, &Silent)
+}
+
+/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
+pub(crate) fn solve_camera_until(
+    motions: &[Motion],
+    frame: &Frame,
+    options: &CameraOptions,
+    observer: &dyn Observer,
+) -> Result<CameraSolution, Error> {
     if motions.is_empty() {
         return Err(Error::NoUsableMotion {
             pairs: 0,
@@ -168,7 +179,8 @@ pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) 
     let rounds = if options.attitude_sigma_rad > 0.0 { 3 } else { 1 };
     let mut last = None;
     for _ in 0..rounds {
-        let groups = group_attitudes(motions, &intrinsics_of(&parameters), options.attitude_sigma_rad);
+        let k = intrinsics_of(&parameters);
+        let groups = group_attitudes_until(motions, &k, options.attitude_sigma_rad, observer)?;
         let solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
         parameters = solution.parameters;
         last = Some((groups, solution));
@@ -180,7 +192,8 @@ pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) 
     let enough = groups.len() >= MIN_GROUPS_FOR_SIGMA && solution.degrees_of_freedom >= MIN_DOF_FOR_SIGMA;
     let estimated = options.estimate_attitude_sigma && enough;
     if estimated {
-        sigma = estimate_attitude_sigma(&groups, motions, &solution, options, &priors);
+        sigma = estimate_attitude_sigma(&groups, motions, &solution, options, &priors, observer);
+        observer.go_on()?;
         groups = regroup(&groups, motions, &intrinsics_of(&solution.parameters), sigma);
         solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
     }
@@ -202,10 +215,14 @@ fn estimate_attitude_sigma(
     solution: &ConicSolution,
     options: &CameraOptions,
     priors: &Priors,
+    observer: &dyn Observer,
 ) -> f64 {
     let k = intrinsics_of(&solution.parameters);
     let component = VarianceComponent { scale: options.attitude_sigma_rad, below: 30.0, above: 30.0 };
     component.posterior(|sigma| {
+        if observer.stopped() {
+            return f64::NEG_INFINITY;
+        }
         let points: Vec<WeightedPoint> = regroup(groups, motions, &k, sigma).into_iter().map(|g| g.fused).collect();
         refine(&points, &solution.parameters, options.constraint.free(), priors)
             .map_or(f64::NEG_INFINITY, |s| -0.5 * (s.chi_squared + s.log_determinants))

@@ -12,4 +12,5 @@ mod rotating_camera;
 mod selection;
 mod shared_data;
 mod statistics;
+mod stop;
 mod words;

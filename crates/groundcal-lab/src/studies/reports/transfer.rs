@@ -25,11 +25,18 @@ enum Varied {
     AxisError,
 }
 
-/// Conditions drawn side by side: the abscissa and what each of [`Method::ALL`] made of it.
+/// A condition: its abscissa, and what each of [`Method::ALL`] made of it.
+struct Condition {
+    x: f64,
+    setup: Setup,
+    spreads: Vec<Spread>,
+}
+
+/// Conditions drawn as one curve a method.
 struct Series {
     varied: Varied,
     matches: usize,
-    points: Vec<(f64, Setup, Vec<Spread>)>,
+    points: Vec<Condition>,
 }
 
 /// Runs the trials of all conditions.
@@ -37,22 +44,16 @@ struct Series {
 /// # Errors
 /// [`LabError::Other`] when the table cannot be written.
 pub fn run(count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
-    let turning = |m: usize| TURNS_DEG.iter().map(|&turn| (turn, Setup::turning(turn, m))).collect::<Vec<_>>();
-    let stray = |m: usize| AXIS_ERRORS_DEG.iter().map(|&e| (e, Setup::off_axis(e, m))).collect::<Vec<_>>();
-    let panels: Vec<(Varied, usize, Vec<(f64, Setup)>)> = MATCHES
+    let turning = |&m: &usize| (Varied::Turn, m, TURNS_DEG.map(|turn| (turn, Setup::turning(turn, m))).to_vec());
+    let stray = |&m: &usize| (Varied::AxisError, m, AXIS_ERRORS_DEG.map(|e| (e, Setup::off_axis(e, m))).to_vec());
+    let conditions = MATCHES.len() * (TURNS_DEG.len() + AXIS_ERRORS_DEG.len());
+    progress.begin("transfer", conditions as u64 * u64::from(count));
+    let run = |(x, setup): (f64, Setup)| Condition { x, setup, spreads: spreads(&setup, count, seed, progress) };
+    let series: Vec<Series> = MATCHES
         .iter()
-        .map(|&m| (Varied::Turn, m, turning(m)))
-        .chain(MATCHES.iter().map(|&m| (Varied::AxisError, m, stray(m))))
-        .collect();
-    let points = panels.iter().map(|p| p.2.len()).sum::<usize>();
-    progress.begin("transfer", points as u64 * u64::from(count));
-    let series: Vec<Series> = panels
-        .into_iter()
-        .map(|(varied, matches, setups)| Series {
-            varied,
-            matches,
-            points: setups.into_iter().map(|(x, s)| (x, s, spreads(&s, count, seed, progress))).collect(),
-        })
+        .map(turning)
+        .chain(MATCHES.iter().map(stray))
+        .map(|(varied, matches, setups)| Series { varied, matches, points: setups.into_iter().map(run).collect() })
         .collect();
     progress.finish();
     Ok(StudyOutput { table: table(&series)?, figure: figure(&series, count), page: page(&series, count) })
@@ -77,7 +78,7 @@ fn table(series: &[Series]) -> Result<Vec<u8>, LabError> {
             Varied::Turn => "turn_deg",
             Varied::AxisError => "axis_error_deg",
         };
-        for (_, setup, spreads) in &s.points {
+        for Condition { setup, spreads, .. } in &s.points {
             for (method, spread) in Method::ALL.iter().zip(spreads) {
                 let Setup { first_turn_deg, turn_deg, axis_error_deg, matches } = *setup;
                 let mut record = vec!["transfer".into(), varied.into(), number(first_turn_deg), number(turn_deg)];
@@ -101,7 +102,7 @@ fn page(series: &[Series], count: u32) -> String {
         let _ = write!(page, "{:>18}", method.name());
     }
     page.push('\n');
-    for (_, setup, spreads) in series.iter().flat_map(|s| &s.points) {
+    for Condition { setup, spreads, .. } in series.iter().flat_map(|s| &s.points) {
         let Setup { first_turn_deg, turn_deg, axis_error_deg, matches } = *setup;
         let _ = write!(page, "{matches:>8}{axis_error_deg:>11}{first_turn_deg:>10}{turn_deg:>10}");
         for s in spreads {
@@ -115,7 +116,7 @@ fn page(series: &[Series], count: u32) -> String {
 
 fn panel(series: &Series, styles: &[Style; 4]) -> Panel {
     let mut curves = empty_curves(styles);
-    for (x, _, spreads) in &series.points {
+    for Condition { x, spreads, .. } in &series.points {
         for ((curve, s), method) in curves.iter_mut().zip(spreads).zip(Method::ALL) {
             let [lower, middle, upper] = s.absolute_percent;
             curve.points.push([*x, middle]);

@@ -80,11 +80,11 @@ fn prior_of(c: &Calibration, p: Parameter) -> Option<[f64; 2]> {
 
 /// The radial displacement f (k1 ρ³ + k2 ρ⁵), ρ = r / f, out to the farthest corner.
 fn lens(c: &Calibration) -> Vec<LensPoint> {
-    let (camera, d) = (&c.camera, &c.camera.distortion);
-    if d.k1 == 0.0 && d.k2 == 0.0 && c.standard_deviation.k1.is_none() {
+    let (k1, k2) = (Parameter::K1, Parameter::K2);
+    let (camera, value) = (&c.camera, [c.value(k1), c.value(k2)]);
+    if value == [0.0; 2] && c.standard_deviation.k1.is_none() {
         return Vec::new();
     }
-    let (k1, k2) = (Parameter::K1, Parameter::K2);
     let [w, h] = camera.image_size.map(|s| s as f64 - 1.0);
     let farthest = camera.cx.max(w - camera.cx).hypot(camera.cy.max(h - camera.cy));
     (0..=LENS_POINTS)
@@ -95,7 +95,11 @@ fn lens(c: &Calibration) -> Vec<LensPoint> {
             let variance = by_k1 * by_k1 * c.covariance(k1, k1)
                 + 2.0 * by_k1 * by_k2 * c.covariance(k1, k2)
                 + by_k2 * by_k2 * c.covariance(k2, k2);
-            LensPoint { radius_px, outwards_px: by_k1 * d.k1 + by_k2 * d.k2, sigma_px: variance.max(0.0).sqrt() }
+            LensPoint {
+                radius_px,
+                outwards_px: by_k1 * value[0] + by_k2 * value[1],
+                sigma_px: variance.max(0.0).sqrt(),
+            }
         })
         .collect()
 }

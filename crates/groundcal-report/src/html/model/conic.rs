@@ -8,13 +8,12 @@
 use groundcal::{
     geometry::{
         attitude::{attitude_rotation, up_in_camera},
-        distortion::Distortion,
         frame::Frame,
     },
     result::{AttitudeReport, Calibration, Parameter},
     start::absolute_conic::{parameters_of, residual},
 };
-use nalgebra::{Complex, DMatrix, Vector3};
+use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use serde::Serialize;
 
 type ComplexPoint = Vector3<Complex<f64>>;
@@ -166,20 +165,11 @@ fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
     (unknowns, values, last.iter().map(|v| v * sign).collect())
 }
 
-/// Whether a lens takes points farther out to points farther out all the way to a squared radius (without tangential terms):
-/// 1 + 3 k1 u + 5 k2 u² stays positive. Beyond its fold a polynomial may turn over once more, and would draw what is not there.
-fn rises_up_to(lens: &Distortion, squared: f64) -> bool {
-    let slope = |u: f64| 1.0 + u * (3.0 * lens.k1 + 5.0 * lens.k2 * u);
-    let turn = -0.3 * lens.k1 / lens.k2;
-    let least = if turn > 0.0 && turn < squared { slope(turn) } else { 1.0 };
-    least > 0.0 && slope(squared) > 0.0
-}
-
 /// The horizon of a view in the picture, lens and all: pieces of a curve inside `window` (left, top, right, bottom in pixels), and the
 /// point of it nearest to the principal point, if the lens reaches that far.
 pub(crate) fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, window: [f64; 4]) -> Vec<Vec<[f64; 2]>> {
     const STEPS: i32 = 160;
-    let (k, lens) = (c.camera.intrinsics(), c.camera.lens());
+    let camera = c.camera.model();
     let up = up_in_camera(pitch_down_deg.to_radians(), roll_deg.to_radians());
     let level = up.xy().norm();
     if level < 1e-6 {
@@ -187,38 +177,20 @@ pub(crate) fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, windo
     }
     // In normalised coordinates: up · (x, y, 1) = 0, from its foot outwards.
     let foot = up.xy() * (-up.z / (level * level));
-    let along = nalgebra::Vector2::new(-up.y, up.x) / level;
-    let reach = 4.0 * (window[2] - window[0]).max(window[3] - window[1]) / k.fx;
+    let along = Vector2::new(-up.y, up.x) / level;
+    let reach = 4.0 * (window[2] - window[0]).max(window[3] - window[1]) / camera.intrinsics.fx;
     let mut pieces: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
     for i in -STEPS..=STEPS {
         let p = foot + along * (reach * f64::from(i) / f64::from(STEPS));
         // Beyond its fold the lens model says nothing.
-        let folded = !rises_up_to(&lens, p.norm_squared());
-        let pixel = k.pixel_from_normalised(&lens.distort(&p));
-        let inside = (window[0]..=window[2]).contains(&pixel.x) && (window[1]..=window[3]).contains(&pixel.y);
-        match pieces.last_mut() {
-            Some(piece) if inside && !folded => piece.push(pixel.into()),
-            Some(piece) if !piece.is_empty() => pieces.push(Vec::new()),
+        let inside =
+            |p: &Vector2<f64>| (window[0]..=window[2]).contains(&p.x) && (window[1]..=window[3]).contains(&p.y);
+        match (camera.project(&p.push(1.0)).filter(inside), pieces.last_mut()) {
+            (Some(pixel), Some(piece)) => piece.push(pixel.into()),
+            (None, Some(piece)) if !piece.is_empty() => pieces.push(Vec::new()),
             _ => {}
         }
     }
     pieces.retain(|p| p.len() > 1);
     pieces
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_lens_rises_up_to_its_fold_and_not_again_beyond() {
-        assert!(rises_up_to(&Distortion::default(), 1e6));
-        // Folds at r² = 1 / (3 · 0.3).
-        let simple = Distortion::radial(-0.3, 0.0);
-        assert!(rises_up_to(&simple, 1.1) && !rises_up_to(&simple, 1.12) && !rises_up_to(&simple, 1e3));
-        // Falls between r² = 1 and 2 only.
-        let wavy = Distortion::radial(-0.5, 0.1);
-        assert!(rises_up_to(&wavy, 0.99) && !rises_up_to(&wavy, 1.5) && !rises_up_to(&wavy, 5.0));
-        assert!(rises_up_to(&Distortion::radial(-0.2, 0.1), 50.0));
-    }
 }

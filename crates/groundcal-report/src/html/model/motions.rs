@@ -290,7 +290,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
             };
             let h = p.h_b_from_a?;
             (
-                FloorView::new(&camera.intrinsics(), &camera.lens(), &pose).ok()?,
+                FloorView::new(&camera.intrinsics(), camera.lens(), &pose).ok()?,
                 Second::Homography(Matrix3::from_fn(|r, k| h[r][k])),
             )
         }

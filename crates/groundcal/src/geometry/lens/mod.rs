@@ -39,6 +39,12 @@ pub enum Lens {
     Fisheye(Fisheye),
 }
 
+impl From<&Lens> for Lens {
+    fn from(lens: &Lens) -> Self {
+        *lens
+    }
+}
+
 impl Lens {
     /// Brown-Conrady with k1 and k2 alone.
     pub fn radial(k1: f64, k2: f64) -> Self {
