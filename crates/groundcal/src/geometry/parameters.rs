@@ -89,7 +89,7 @@ pub enum PriorParameter {
 }
 
 impl PriorParameter {
-    /// All, in the order of [`crate::refine::CameraVector`].
+    /// All, in the order of the first numbers of a camera's block ([`crate::refine::blocks`]).
     pub const ALL: [PriorParameter; 7] = [
         PriorParameter::Fx,
         PriorParameter::Aspect,
