@@ -2,6 +2,8 @@
 //!
 //! [`run`] is the whole program, for whoever wants to be it under another name or from another language.
 
+#![forbid(unsafe_code)]
+
 mod args;
 mod commands;
 mod error;

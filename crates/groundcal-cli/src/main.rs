@@ -1,5 +1,7 @@
 //! The groundcal program: floor photographs in, camera out.
 
+#![forbid(unsafe_code)]
+
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

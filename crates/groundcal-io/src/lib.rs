@@ -9,6 +9,8 @@
 //! Whatever is read has limits ([`limits`]); whatever is said about it is printable ([`text`]). Errors name the file, and the line or
 //! field; what does not stop the work comes back as a [`note::Note`].
 
+#![forbid(unsafe_code)]
+
 pub mod error;
 pub mod export;
 mod file;

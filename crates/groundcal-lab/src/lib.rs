@@ -2,6 +2,8 @@
 //!
 //! It draws, renders, runs and sums up; tables, figures and pictures come back as values, which the program writes.
 
+#![forbid(unsafe_code)]
+
 pub mod division;
 pub mod error;
 pub mod experiments;

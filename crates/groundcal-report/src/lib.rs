@@ -1,5 +1,7 @@
 //! What groundcal found, for people: text for the terminal, figures as SVG and PNG, a page in HTML.
 
+#![forbid(unsafe_code)]
+
 pub mod canvas;
 pub mod comparison;
 pub mod error;

@@ -1,6 +1,8 @@
 //! A calibration without files, threads, clock or terminal: compiled for `wasm32-unknown-unknown` by `.ci/run`, which shows that the
 //! library needs none of them.
 
+#![forbid(unsafe_code)]
+
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     error::Error,

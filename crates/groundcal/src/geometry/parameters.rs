@@ -89,7 +89,7 @@ pub enum PriorParameter {
 }
 
 impl PriorParameter {
-    /// All, in the order of the first numbers of a camera's block ([`crate::refine::blocks`]).
+    /// All, in the order of the camera's numbers in the joint refinement ([`crate::refine`]).
     pub const ALL: [PriorParameter; 7] = [
         PriorParameter::Fx,
         PriorParameter::Aspect,

@@ -163,10 +163,8 @@ impl Part {
                 for row in self.pending.chunks_exact(width) {
                     let blocks = row.as_chunks::<LANES>().0;
                     let (x, y) = (blocks[i], blocks[k]);
-                    for a in 0..LANES {
-                        for b in 0..LANES {
-                            sums[a][b] += x[a] * y[b];
-                        }
+                    for (sums, x) in sums.iter_mut().zip(&x) {
+                        sums.iter_mut().zip(&y).for_each(|(sum, y)| *sum += x * y);
                     }
                 }
                 for (row, sums) in (LANES * i..=last).zip(&sums) {

@@ -129,12 +129,12 @@ pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
     };
     let mut placed = vec![false; members.len()];
     let mut unit_carried = false;
-    for root in 0..count {
-        if layout.component_of_frame[root] != root || seen_by[root].is_empty() {
+    for (root, cameras) in seen_by.iter().enumerate() {
+        if layout.component_of_frame[root] != root || cameras.is_empty() {
             continue;
         }
         layout.origins.push(root);
-        let by_rig = has_baseline && seen_by[root].len() > 1;
+        let by_rig = has_baseline && cameras.len() > 1;
         let is_unit = !(by_rig && std::mem::replace(&mut unit_carried, true));
         if is_unit {
             layout.units.push(root);

@@ -11,7 +11,7 @@
 //! likelihood.
 //!
 //! The unknowns are [`blocks`]; the [`layout`] says where each stands. The points are eliminated ([`elimination`]); what is left is
-//! sparse ([`crate::numerics::skyline`]). [`adjust()`] goes round: minimise, `reweight`, [`variance_components`]; in the end
+//! sparse ([`crate::numerics::skyline`]). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
 //! `covariance` and `profile`.
 
 pub(crate) mod adjust;

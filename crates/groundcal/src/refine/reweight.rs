@@ -18,6 +18,9 @@ const DESIGN_EFFECT_P: f64 = 0.01;
 const VARIANCE_RESTS: f64 = 0.005;
 const EFFECT_RESTS: f64 = 0.05;
 
+/// A kind of measurement and two images (frame and camera) that share points.
+type PairOfKind = (usize, [(usize, usize); 2]);
+
 /// Sum of the residuals in a part of an image.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cell {
@@ -115,7 +118,7 @@ impl Problem {
     /// residuals does not. 1 where the difference may be chance.
     fn design_effects(&self, state: &State, variances: [f64; KINDS]) -> Option<[f64; KINDS]> {
         let views = self.views(state);
-        let mut cells: BTreeMap<(usize, [(usize, usize); 2]), [Cell; CELLS * CELLS]> = BTreeMap::new();
+        let mut cells: BTreeMap<PairOfKind, [Cell; CELLS * CELLS]> = BTreeMap::new();
         for c in &self.clusters {
             let share = (c.images.len() as f64 - 1.0) / c.images.len() as f64;
             for &t in &c.tracks {

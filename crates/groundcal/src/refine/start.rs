@@ -29,7 +29,7 @@ pub struct Link {
 
 impl Link {
     /// The homography that leads away from one of its two views.
-    fn from_node(&self, view: usize) -> Homography {
+    fn to_other_end(&self, view: usize) -> Homography {
         if view == self.from { self.h_to_from } else { self.h_to_from.inverse() }
     }
 }
@@ -66,7 +66,7 @@ pub fn state_from_links(
             continue;
         };
         let (rotation, centre) = poses[known]?;
-        let m = k_inverse * links[link].from_node(known).matrix() * k;
+        let m = k_inverse * links[link].to_other_end(known).matrix() * k;
         poses[node] = Some(match scene {
             SceneModel::Floor => {
                 let [x, y] = [0, 1].map(|i| rotation.column(i).into_owned());
@@ -138,7 +138,7 @@ pub fn rotations_from_links(
     for Reached { node, by } in along_best(count, links).into_iter().skip(1) {
         // What no link leads to belongs to no turn of this camera.
         let (link, known) = by?;
-        let turn = nearest_rotation(&(k_inverse * links[link].from_node(known).matrix() * k))?;
+        let turn = nearest_rotation(&(k_inverse * links[link].to_other_end(known).matrix() * k))?;
         rotations[node] = Some(turn * rotations[known]?);
     }
     rotations.into_iter().collect()

@@ -63,7 +63,7 @@ fn poses_horizons_and_distances_are_within_their_error_bars() {
 
                 // A distance on the floor between two pixels, as the homography and as the whole view say it.
                 let exact =
-                    FloorView::new(&scene.intrinsics, &Distortion::default(), &truth[1]).expect("over the floor");
+                    FloorView::new(&scene.intrinsics, Distortion::default(), &truth[1]).expect("over the floor");
                 let view = FloorView::of_report(&c.camera, second).expect("over the floor");
                 let pixels = [Vector2::new(250.0, 500.0), Vector2::new(1000.0, 800.0)];
                 let points = pixels.map(|p| exact.floor_from_pixel(&p).expect("below the horizon"));

@@ -2,7 +2,6 @@
 //!
 //! Counted, not timed: a poll is a question whether to stop.
 
-
 use std::{
     collections::HashMap,
     path::Path,
