@@ -95,7 +95,7 @@ pub struct Camera {
 impl Camera {
     /// A camera of images of this size.
     pub fn new(size: ImageSize, k: &Intrinsics, lens: impl Into<Lens>, source: LensSource) -> Self {
-        // Coefficients that are all zero are no lens, and files say so: one state for one meaning.
+        // Coefficients that are all zero are no lens, as the file says it.
         let lens = Some(lens.into()).filter(|lens| !lens.is_none()).unwrap_or(Lens::None);
         Self {
             image_size: [size.width, size.height],
