@@ -1,9 +1,21 @@
 //! What ends the program early, and its exit code.
 
-/// Exit codes: 0 a calibration; 1 anything else; 2 wrong usage; 3 the images cannot determine what was asked; 4 unreadable or
-/// unusable input.
+use crate::remedies::Flags;
+
+/// A calibration, or what else was asked for.
+pub(crate) const SUCCESS: u8 = 0;
+/// Anything else that goes wrong.
+pub(crate) const OTHER: u8 = 1;
+/// Wrong usage; also clap's.
+const USAGE: u8 = 2;
+/// The images cannot determine what was asked.
+const UNDETERMINED: u8 = 3;
+/// Unreadable or unusable input.
+const INPUT: u8 = 4;
+
+/// What ends the program early.
 #[derive(Debug)]
-pub enum CliError {
+pub(crate) enum CliError {
     /// The command line contradicts itself or names nothing.
     Usage(String),
     /// A file or folder cannot be read or does not hold what it should.
@@ -16,13 +28,13 @@ pub enum CliError {
 
 impl CliError {
     /// The program's exit code.
-    pub fn exit_code(&self) -> u8 {
+    pub(crate) fn exit_code(&self) -> u8 {
         use groundcal::error::Error;
         match self {
-            CliError::Usage(_) | CliError::Calibration(Error::InvalidOption(_)) => 2,
-            CliError::Calibration(error) if error.is_degenerate() => 3,
-            CliError::Input(_) | CliError::Calibration(Error::InvalidInput(_)) => 4,
-            CliError::Calibration(_) | CliError::Other(_) => 1,
+            CliError::Usage(_) | CliError::Calibration(Error::InvalidOption(_)) => USAGE,
+            CliError::Calibration(error) if error.is_degenerate() => UNDETERMINED,
+            CliError::Input(_) | CliError::Calibration(Error::InvalidInput(_)) => INPUT,
+            CliError::Calibration(_) | CliError::Other(_) => OTHER,
         }
     }
 }
@@ -31,7 +43,7 @@ impl std::fmt::Display for CliError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(text),
-            CliError::Calibration(error) => error.fmt(f),
+            CliError::Calibration(error) => f.write_str(&error.message(&Flags)),
         }
     }
 }
@@ -45,11 +57,13 @@ impl From<groundcal::error::Error> for CliError {
 impl From<groundcal_io::error::IoError> for CliError {
     fn from(error: groundcal_io::error::IoError) -> Self {
         use groundcal_io::error::IoError;
+        // The error's own words are fit to be shown, whatever names and files hold.
+        let text = error.to_string();
         match error {
-            IoError::Usage(text) => CliError::Usage(text),
-            IoError::Input(text) => CliError::Input(text),
+            IoError::Usage(_) => CliError::Usage(text),
             IoError::Calibration(error) => CliError::Calibration(error),
-            other => CliError::Other(other.to_string()),
+            error if error.is_input() => CliError::Input(text),
+            _ => CliError::Other(text),
         }
     }
 }
@@ -57,5 +71,16 @@ impl From<groundcal_io::error::IoError> for CliError {
 impl From<groundcal_report::error::ReportError> for CliError {
     fn from(error: groundcal_report::error::ReportError) -> Self {
         CliError::Other(error.to_string())
+    }
+}
+
+impl From<groundcal_lab::error::LabError> for CliError {
+    fn from(error: groundcal_lab::error::LabError) -> Self {
+        use groundcal_lab::error::LabError;
+        match error {
+            LabError::Calibration(error) => CliError::Calibration(error),
+            LabError::Files(error) => error.into(),
+            other => CliError::Other(other.to_string()),
+        }
     }
 }

@@ -11,8 +11,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 /// Work shorter than this shows no bar.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Listens to the library.
-pub struct Progress {
+/// Listens to a calibration: a bar for the stage at work, and the times of all.
+pub(crate) struct StageTimes {
     started: Instant,
     state: Mutex<State>,
 }
@@ -22,9 +22,9 @@ struct State {
     stages: Vec<(&'static str, Instant)>,
 }
 
-impl Progress {
+impl StageTimes {
     /// Begins with the reading of the input.
-    pub fn new(first: &'static str) -> Self {
+    pub(crate) fn new(first: &'static str) -> Self {
         let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
         if let Ok(style) = ProgressStyle::with_template("{msg:24} [{bar:40}] {pos}/{len}") {
             bar.set_style(style.progress_chars("=> "));
@@ -39,7 +39,7 @@ impl Progress {
     }
 
     /// Takes the bar away and gives the stages with their times; the same stage run several times is added up.
-    pub fn finish(&self) -> Vec<(&'static str, Duration)> {
+    pub(crate) fn finish(&self) -> Vec<(&'static str, Duration)> {
         let end = Instant::now();
         self.with(|state| {
             state.bar.finish_and_clear();
@@ -66,7 +66,7 @@ fn label(stage: Stage) -> &'static str {
     }
 }
 
-impl Observer for Progress {
+impl Observer for StageTimes {
     fn begin(&self, stage: Stage, total: usize) {
         self.with(|state| {
             state.stages.push((label(stage), Instant::now()));
@@ -84,5 +84,35 @@ impl Observer for Progress {
             }
             state.bar.inc(1);
         });
+    }
+}
+
+/// A bar for studies and experiments; draws nothing where standard error is not a terminal.
+pub(crate) struct Bar(ProgressBar);
+
+impl Bar {
+    /// A bar that looks as the template says.
+    pub(crate) fn new(template: &str) -> Self {
+        let bar = ProgressBar::new(0);
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        Self(bar)
+    }
+}
+
+impl groundcal_lab::progress::Progress for Bar {
+    fn begin(&self, stage: &str, steps: u64) {
+        self.0.reset();
+        self.0.set_length(steps);
+        self.0.set_message(stage.to_string());
+    }
+
+    fn advance(&self) {
+        self.0.inc(1);
+    }
+
+    fn finish(&self) {
+        self.0.finish_and_clear();
     }
 }

@@ -1,19 +1,66 @@
-//! Why a file could not be read or written.
+//! Why a file could not be read or written: with the file, and the line or field, where they are known.
 
-/// What reading and writing can end with.
+use std::path::Path;
+
+use groundcal::error::Error;
+
+use crate::text::{printable, shown};
+
+/// What reading and writing can end with. Messages have no control characters, whatever names and files hold.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum IoError {
     /// What was named contradicts itself or names nothing.
-    #[error("{0}")]
+    #[error("{}", printable(.0))]
     Usage(String),
-    /// A file or folder cannot be read or does not hold what it should.
-    #[error("{0}")]
+    /// Input that cannot be read or used, where no single file is at fault.
+    #[error("{}", printable(.0))]
     Input(String),
+    /// A file or folder that cannot be read or does not hold what it should.
+    #[error("{}{}: {}", printable(.file), place(*.line), printable(.what))]
+    File {
+        /// Its path, fit to be shown.
+        file: String,
+        /// The line at fault, from 1.
+        line: Option<u64>,
+        /// What is wrong, with the field's name where it is a field, and what helps.
+        what: String,
+    },
     /// The library's word on what a file holds.
     #[error(transparent)]
-    Calibration(#[from] groundcal::error::Error),
+    Calibration(Error),
     /// Writing failed, or another fault of the surroundings.
-    #[error("{0}")]
+    #[error("{}", printable(.0))]
     Other(String),
+}
+
+fn place(line: Option<u64>) -> String {
+    line.map_or_else(String::new, |line| format!(" line {line}"))
+}
+
+impl IoError {
+    /// A fault of a file.
+    pub(crate) fn file(path: &Path, what: impl Into<String>) -> Self {
+        IoError::File { file: shown(path), line: None, what: what.into() }
+    }
+
+    /// A fault in a line of a file.
+    pub(crate) fn line(path: &Path, line: u64, what: impl Into<String>) -> Self {
+        IoError::File { file: shown(path), line: Some(line), what: what.into() }
+    }
+
+    /// Whether what the user gave to read is at fault, not the command or the surroundings.
+    pub fn is_input(&self) -> bool {
+        matches!(self, IoError::Input(_) | IoError::File { .. })
+    }
+}
+
+/// A value of a file that the library takes for an option is input all the same.
+impl From<Error> for IoError {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::InvalidOption(what) | Error::InvalidInput(what) => IoError::Input(what.to_string()),
+            error => IoError::Calibration(error),
+        }
+    }
 }

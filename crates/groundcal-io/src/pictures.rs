@@ -1,24 +1,29 @@
 //! Pictures in and out: files to 8-bit rasters of the calibrated size, and back to PNG or JPEG.
 
-use std::{
-    collections::HashMap,
-    path::{Path, PathBuf},
-};
+use std::path::{Path, PathBuf};
 
 use groundcal::{
     geometry::size::ImageSize,
     vision::resample::{Raster, Resampled},
 };
 use image::{
-    DynamicImage, ExtendedColorType, ImageEncoder,
+    ExtendedColorType, ImageEncoder,
     codecs::{
         jpeg::JpegEncoder,
         png::{CompressionType, FilterType, PngEncoder},
     },
 };
 
-use crate::error::IoError;
-use crate::load;
+use crate::{
+    error::IoError,
+    images::{
+        Samples, StoredImage, ValueRange, ValueRanges,
+        range::{self, Ranges, Values},
+        read_stored,
+    },
+    note::Note,
+    text::shown,
+};
 
 /// Quality of JPEG files, and their longest side.
 const JPEG_QUALITY: u8 = 92;
@@ -53,37 +58,85 @@ impl PictureFormat {
     }
 }
 
-/// The image files that the inputs name.
-pub fn files(inputs: &[String]) -> Result<Vec<PathBuf>, IoError> {
-    match load::find(inputs)? {
-        load::Input::Images(files) => Ok(files),
-        load::Input::Csv(path) => {
-            Err(IoError::Usage(format!("{} is a CSV; name images or a folder of them", path.display())))
+/// Reads pictures one by one, all in one range of values.
+#[derive(Debug, Clone)]
+pub struct PictureReader {
+    size: ImageSize,
+    ranges: ValueRanges,
+    has_colour: bool,
+}
+
+impl PictureReader {
+    /// Reads all files once, to find the range of their values, and to refuse before any work what cannot be used or has not the size
+    /// of the calibration.
+    ///
+    /// # Errors
+    /// [`IoError::File`] for a file that is no image, or damaged beyond use, or of another size.
+    pub fn new(files: &[PathBuf], size: ImageSize) -> Result<(Self, Vec<Note>), IoError> {
+        let mut notes = Vec::new();
+        let mut ranges = Ranges::default();
+        let mut has_colour = false;
+        for file in files {
+            let image = read_of_size(file, size)?;
+            ranges.add(range::kind(&image), Values::of(&image));
+            has_colour |= image.channels > 2;
+            notes.extend(image.notes);
         }
+        let ranges = ranges.found();
+        notes.extend(ranges.notes());
+        Ok((Self { size, ranges, has_colour }, notes))
+    }
+
+    /// Whether any of the files has colour.
+    pub fn has_colour(&self) -> bool {
+        self.has_colour
+    }
+
+    /// A file as 8-bit grey or RGB.
+    ///
+    /// # Errors
+    /// As [`PictureReader::new`].
+    pub fn read(&self, path: &Path) -> Result<Raster, IoError> {
+        let image = read_of_size(path, self.size)?;
+        let kept = if image.channels <= 2 { 1 } else { 3 };
+        let data = match (&image.samples, range::kind(&image)) {
+            (Samples::U8(data), _) => without_alpha(data, image.channels, kept, |v| v),
+            (Samples::U16(data), Some(kind)) => {
+                let range = self.ranges.of(kind);
+                without_alpha(data, image.channels, kept, |v| eight_bits(range, f64::from(v)))
+            }
+            (Samples::F32(data), Some(kind)) => {
+                let range = self.ranges.of(kind);
+                without_alpha(data, image.channels, kept, |v| eight_bits(range, f64::from(v)))
+            }
+            _ => Vec::new(),
+        };
+        Raster::from_rows(self.size, kept, data).ok_or_else(|| IoError::file(path, "the image is empty"))
     }
 }
 
-/// A file as 8-bit grey or RGB, which must have the size of the calibration.
-pub fn read(path: &Path, size: ImageSize) -> Result<Raster, IoError> {
-    let decoded = load::decoded(path)?;
-    let found = ImageSize::new(decoded.width() as usize, decoded.height() as usize);
-    if found != size {
-        let turned = found.width == size.height && found.height == size.width;
-        return Err(IoError::Input(format!(
-            "{} is {found} pixels, the calibration is of {size}: {}",
-            path.display(),
-            if turned {
-                "it is turned. Give the image as it was calibrated (see its EXIF orientation)"
-            } else {
-                "another camera, zoom or scale. Give images of the camera and size that were calibrated"
-            }
-        )));
+fn eight_bits(range: ValueRange, value: f64) -> u8 {
+    // What is no number becomes 0.
+    (255.0 * range.grey(value)).round().clamp(0.0, 255.0) as u8
+}
+
+fn without_alpha<T: Copy>(data: &[T], channels: usize, kept: usize, value: impl Fn(T) -> u8) -> Vec<u8> {
+    data.chunks_exact(channels).flat_map(|p| p[..kept].iter().map(|v| value(*v))).collect()
+}
+
+fn read_of_size(path: &Path, size: ImageSize) -> Result<StoredImage, IoError> {
+    let image = read_stored(path)?;
+    let found = image.size;
+    if found == size {
+        return Ok(image);
     }
-    let grey = decoded.color().channel_count() <= 2;
-    let (channels, data) =
-        if grey { (1, decoded.into_luma8().into_raw()) } else { (3, DynamicImage::into_rgb8(decoded).into_raw()) };
-    Raster::from_rows(size, channels, data)
-        .ok_or_else(|| IoError::Input(format!("{}: the image is empty", path.display())))
+    let turned = found.width == size.height && found.height == size.width;
+    let help = if turned {
+        "it is turned. Give the image as it was calibrated (see its EXIF orientation)"
+    } else {
+        "another camera, zoom or scale. Give images of the camera and size that were calibrated"
+    };
+    Err(IoError::file(path, format!("is {found} pixels, the calibration is of {size}: {help}")))
 }
 
 /// Grey as colour; colour as it is.
@@ -122,7 +175,7 @@ pub fn encode(resampled: &Resampled, format: PictureFormat, path: &Path) -> Resu
             if size.width.max(size.height) > MAX_JPEG_SIDE {
                 return Err(IoError::Usage(format!(
                     "{} would be {size} pixels; a JPEG's sides are {MAX_JPEG_SIDE} at most. Take --format png or a lower --resolution",
-                    path.display()
+                    shown(path)
                 )));
             }
             let over = |v: u8, c: u8| {
@@ -135,43 +188,13 @@ pub fn encode(resampled: &Resampled, format: PictureFormat, path: &Path) -> Resu
             JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY).write_image(&data, width, height, colour)
         }
     };
-    done.map_err(|e| IoError::Other(format!("cannot encode {}: {e}", path.display())))?;
+    done.map_err(|e| IoError::Other(format!("cannot encode {}: {e}", shown(path))))?;
     Ok(bytes)
-}
-
-/// Names for the files made of others: their stems, or whole file names where stems repeat; folders apart only by number.
-pub fn stems(files: &[PathBuf]) -> Vec<String> {
-    let text = |name: Option<&std::ffi::OsStr>| name.map_or_else(String::new, |n| n.to_string_lossy().into_owned());
-    let mut names: Vec<String> = files.iter().map(|f| text(f.file_stem())).collect();
-    for attempt in 0..2 {
-        let mut count: HashMap<String, usize> = HashMap::new();
-        for name in &names {
-            *count.entry(name.to_lowercase()).or_default() += 1;
-        }
-        let mut seen: HashMap<String, usize> = HashMap::new();
-        for (name, file) in names.iter_mut().zip(files) {
-            if count[&name.to_lowercase()] > 1 {
-                let number = seen.entry(name.to_lowercase()).or_default();
-                *number += 1;
-                *name =
-                    if attempt == 0 { text(file.file_name()).replace('.', "_") } else { format!("{name}_{number}") };
-            }
-        }
-    }
-    names
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_of_what_is_made_are_told_apart() {
-        let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
-        assert_eq!(stems(&paths(&["x/a.jpg", "x/b.png"])), ["a", "b"]);
-        assert_eq!(stems(&paths(&["x/a.jpg", "x/a.png"])), ["a_jpg", "a_png"]);
-        assert_eq!(stems(&paths(&["x/a.jpg", "y/a.jpg"])), ["a_jpg_1", "a_jpg_2"]);
-    }
 
     #[test]
     fn png_has_alpha_only_where_something_is_missing() {

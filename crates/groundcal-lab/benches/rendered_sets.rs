@@ -1,5 +1,5 @@
 //! Error bars against truth, on rendered sets of pictures drawn at random:
-//! `cargo bench --bench rendered_sets [-- --sets N --only I --seed S --keep DIR]`.
+//! `cargo bench -p groundcal-lab --bench rendered_sets [-- --sets N --only I --seed S --keep DIR]`.
 //!
 //! Each set has a floor, a camera, a lens, attitudes, motions, a sensor and a file format of its own, all drawn from a
 //! seed. It is calibrated with default options, and under zero skew too where three attitudes or more differ in roll; one
@@ -13,7 +13,8 @@ use std::{io::Cursor, path::PathBuf, process::ExitCode, time::Instant};
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
     geometry::{attitude::up_in_camera, size::ImageSize},
-    result::Calibration,
+    numerics::statistics::median,
+    result::{Calibration, Parameter},
     start::absolute_conic::Constraint,
     vision::image::GrayImage,
 };
@@ -158,29 +159,25 @@ fn draw_views(
 
 /// The part of the near floor seen by view `a` that view `b` sees too, and the part of `a` that sees near floor.
 fn overlap(scene: &Scene, a: usize, b: usize) -> (f64, f64) {
-    let (k, d) = (scene.camera.intrinsics(), scene.camera.distortion());
+    let camera = scene.camera.model();
     let [pa, pb] = [a, b].map(|i| scene.pose(i).expect("a view"));
     let size = scene.camera.size();
     let (mut pixels, mut floor, mut shared) = (0.0, 0.0, 0.0);
     for y in (0..size.height).step_by(size.height / 24) {
         for x in (0..size.width).step_by(size.width / 32) {
             pixels += 1.0;
-            let Some(p) = d.undistort_pixel(&k, &Vector2::new(x as f64, y as f64)) else { continue };
-            let p = k.normalised_from_pixel(&p);
-            let ray = pa.r_cam_from_world.transpose() * Vector3::new(p.x, p.y, 1.0);
+            let Some(ray) = camera.unproject(&Vector2::new(x as f64, y as f64)) else { continue };
+            let ray = pa.r_cam_from_world.transpose() * ray;
             let reach = -pa.centre_m.z / ray.z;
             if !(ray.z < 0.0 && reach * ray.xy().norm() < FARTHEST_IN_HEIGHTS * pa.centre_m.z) {
                 continue;
             }
             floor += 1.0;
             let q = pb.r_cam_from_world * (pa.centre_m + ray * reach - pb.centre_m);
-            let ideal = Vector2::new(q.x / q.z, q.y / q.z);
-            let distorted = d.distort(&ideal);
-            let pixel = k.pixel_from_normalised(&distorted);
-            let inside =
-                (0.0..size.width as f64 - 1.0).contains(&pixel.x) && (0.0..size.height as f64 - 1.0).contains(&pixel.y);
-            // A point beyond the lens's fold lands in the image without being seen there.
-            if q.z > 0.0 && inside && d.undistort(&distorted).is_some_and(|u| (u - ideal).norm() < 1e-6) {
+            let inside = |pixel: Vector2<f64>| {
+                (0.0..size.width as f64 - 1.0).contains(&pixel.x) && (0.0..size.height as f64 - 1.0).contains(&pixel.y)
+            };
+            if camera.project(&q).is_some_and(inside) {
                 shared += 1.0;
             }
         }
@@ -382,9 +379,9 @@ impl Tally {
             each[2],
             each[3],
             rms(&self.k1_z),
-            median(judged.iter().map(|z| z.abs()).collect()),
-            median(self.f_error_percent.clone()),
-            median(self.f_sigma_percent.clone()),
+            median(&mut judged.iter().map(|z| z.abs()).collect::<Vec<_>>()),
+            median(&mut self.f_error_percent.clone()),
+            median(&mut self.f_sigma_percent.clone()),
             self.refused,
             self.false_motions,
         );
@@ -395,24 +392,19 @@ fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64).sqrt()
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    if values.is_empty() { f64::NAN } else { values[values.len() / 2] }
-}
-
 /// Compares a calibration with the truth, prints its line and returns what it adds to the tally.
 fn judge(scene: &Scene, result: &Calibration, label: &str, seconds: f64, in_detail: bool) -> Tally {
     let (c, sd) = (&result.camera, &result.standard_deviation);
     let truth = scene.camera.intrinsics();
     let zs = [z(c.fx, truth.fx, sd.fx), z(c.fy, truth.fy, sd.fy), z(c.cx, truth.cx, sd.cx), z(c.cy, truth.cy, sd.cy)];
-    let k1_z = z(c.distortion.k1, scene.camera.k1, sd.k1);
+    let k1_z = z(c.value(Parameter::K1), scene.camera.k1, sd.k1);
     let group_of = |name: &str| scene.views().find(|(_, v)| v.file == name).map(|(g, _)| g);
     let is_false = |from: &str, to: &str| group_of(from) != group_of(to);
     let used = || result.motions.iter().filter(|m| m.used);
     let false_motions: Vec<String> =
         used().filter(|m| is_false(&m.from, &m.to)).map(|m| format!("{}-{}", m.from, m.to)).collect();
     let error_percent = 100.0 * (c.fx / truth.fx - 1.0);
-    let warnings: Vec<&str> = result.warnings.iter().map(|w| w.code).collect();
+    let warnings: Vec<&str> = result.warnings.iter().map(|w| w.code()).collect();
     println!(
         "{label} f {error_percent:+7.3} %  z fx {} fy {} cx {} cy {} k1 {}  {:>2} motions{}  {seconds:4.1} s  {}",
         column(zs[0]),
@@ -447,8 +439,8 @@ fn detail(scene: &Scene, result: &Calibration, group_of: &dyn Fn(&str) -> Option
         ("fy", c.fy, truth.fy, sd.fy),
         ("cx", c.cx, truth.cx, sd.cx),
         ("cy", c.cy, truth.cy, sd.cy),
-        ("k1", c.distortion.k1, scene.camera.k1, sd.k1),
-        ("k2", c.distortion.k2, scene.camera.k2, sd.k2),
+        ("k1", c.value(Parameter::K1), scene.camera.k1, sd.k1),
+        ("k2", c.value(Parameter::K2), scene.camera.k2, sd.k2),
     ] {
         println!("    {name} {found:.4} +- {}, truth {truth:.4}", sigma(s));
     }
@@ -491,7 +483,7 @@ fn main() -> ExitCode {
     let arguments = match arguments() {
         Ok(Some(arguments)) => arguments,
         Ok(None) => {
-            println!("too long for a test: cargo bench --bench rendered_sets");
+            println!("too long for a test: cargo bench -p groundcal-lab --bench rendered_sets");
             return ExitCode::SUCCESS;
         }
         Err(message) => {

@@ -1,16 +1,17 @@
-//! Time of each stage on one thread: `cargo bench`. Prints the median and the fastest of repeated runs.
+//! Time of each stage on one thread: `cargo bench -p groundcal-lab --bench stages`. Prints the median and the fastest of repeated runs.
 
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
 use std::{hint::black_box, time::Instant};
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Vector2, Vector3};
 
 use groundcal::{
     geometry::{
         attitude::{attitude_rotation, yaw_rotation},
         frame::Frame,
         intrinsics::Intrinsics,
+        lens::Lens,
         size::ImageSize,
     },
     pairs::{
@@ -19,9 +20,12 @@ use groundcal::{
         refine::{HomographyEstimate, RefineOptions, refine},
         robust::{RobustOptions, estimate_robust},
     },
-    refine::{BundleOptions, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState, adjust},
+    refine::{
+        BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
+        Track, adjust,
+    },
     select::attitude_groups::{Motion, Sides},
-    start::linear_camera::{CameraOptions, parameters_in_frame, solve_camera},
+    start::linear_camera::{CameraOptions, solve_camera},
     synthetic::points::{MotionSpec, PointScene},
     vision::{
         features::{FeatureOptions, MatchOptions, detect, match_features},
@@ -128,7 +132,12 @@ fn run() {
                 .iter()
                 .enumerate()
                 .filter_map(|(i, e)| {
-                    Some(Motion { from: 2 * i, to: 2 * i + 1, geometry: from_homography(e).ok()?, sides: Sides::One })
+                    Some(Motion {
+                        from: (2 * i).into(),
+                        to: (2 * i + 1).into(),
+                        geometry: from_homography(e).ok()?,
+                        sides: Sides::One,
+                    })
                 })
                 .collect();
             solve_camera(&motions, &frame, &options)
@@ -142,8 +151,8 @@ fn drive(views: usize, points_a_view: usize) -> (Vec<Track>, State) {
     let attitude = attitude_rotation(0.9, 0.1);
     let k = Intrinsics::square(900.0, 511.5, 383.5);
     let group = GroupState { attitude, ln_height: 0.0 };
-    let poses: Vec<ViewState> = (0..views)
-        .map(|v| ViewState {
+    let poses: Vec<FrameState> = (0..views)
+        .map(|v| FrameState {
             group: 0,
             delta_rad: [0.0; 2],
             yaw_rad: 0.2 * (v as f64 * 0.9).sin(),
@@ -165,36 +174,25 @@ fn drive(views: usize, points_a_view: usize) -> (Vec<Track>, State) {
                 let pixel = k.pixel_from_normalised(&Vector2::new(c.x / c.z, c.y / c.z));
                 let inside = c.z > 0.1 && (0.0..1023.0).contains(&pixel.x) && (0.0..767.0).contains(&pixel.y);
                 let wobble = |n: usize| 0.05 * ((n * 7919 + i * 104_729 + v * 1_299_709) as f64).sin();
-                inside.then(|| Observation {
-                    view: v,
-                    pixel: pixel + Vector2::new(wobble(1), wobble(2)),
-                    information: Matrix2::from_diagonal_element(1.0 / (0.05 * 0.05)),
-                })
+                inside.then(|| Observation::new(v, pixel + Vector2::new(wobble(1), wobble(2)), 0.05))
             });
             let observations: Vec<Observation> = seen.collect();
             (observations.len() >= 2).then_some(Track { kind: Kind::Patch, observations })
         })
         .collect();
     let frame = Frame::new(ImageSize::new(1024, 768), None);
-    let mut camera = CameraVector::zeros();
-    camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&Intrinsics::square(905.0, 513.0, 381.0), &frame));
-    (tracks, State { camera, groups: vec![group], views: poses, points: Vec::new() })
+    let camera = CameraState::new(&Intrinsics::square(905.0, 513.0, 381.0), &Lens::radial(0.0, 0.0), &frame);
+    (tracks, State::of_one_camera(camera, vec![group], poses))
 }
 
 fn refinement() {
     let frame = Frame::new(ImageSize::new(1024, 768), None);
-    let options = BundleOptions {
-        priors: [
-            None,
-            Some((0.0, 0.003)),
-            Some((0.0, 0.12)),
-            Some((0.0, 0.12)),
-            None,
-            Some((0.0, 0.3)),
-            Some((0.0, 0.3)),
-        ],
-        image_half_sides: [1.14, 0.86],
-        ..BundleOptions::default()
+    let options = |frame: Frame| {
+        BundleOptions::new(vec![CameraUnknowns {
+            matrix_priors: [None, Some((0.0, 0.003)), Some((0.0, 0.12)), Some((0.0, 0.12)), None],
+            lens_priors: vec![Some((0.0, 0.3)); 2],
+            ..CameraUnknowns::new(frame, [1.14, 0.86])
+        }])
     };
     // Six motions of a thousand points.
     let scene = PointScene {
@@ -210,26 +208,19 @@ fn refinement() {
         .iter()
         .flat_map(|p| {
             p.pair.matches.iter().map(|m| {
-                let seen = |view: usize, pixel: Vector2<f64>| Observation {
-                    view,
-                    pixel,
-                    information: Matrix2::from_diagonal_element(400.0),
-                };
+                let seen = |frame: usize, pixel: Vector2<f64>| Observation::new(frame, pixel, 0.05);
                 Track { kind: Kind::Patch, observations: vec![seen(p.pair.from, m.a), seen(p.pair.to, m.b)] }
             })
         })
         .collect();
     let frame_of_scene = Frame::new(scene.size, None);
-    let mut camera = CameraVector::zeros();
-    camera
-        .fixed_rows_mut::<5>(0)
-        .copy_from(&parameters_in_frame(&Intrinsics::square(1005.0, 640.0, 480.0), &frame_of_scene));
+    let camera = CameraState::new(&Intrinsics::square(1005.0, 640.0, 480.0), &Lens::radial(0.0, 0.0), &frame_of_scene);
     let groups = scene
         .motions
         .iter()
         .map(|m| GroupState { attitude: attitude_rotation(m.pitch_down_rad, m.roll_rad), ln_height: 0.0 });
     let views = scene.motions.iter().enumerate().flat_map(|(g, m)| {
-        m.views().map(|v| ViewState {
+        m.views().map(|v| FrameState {
             group: g,
             delta_rad: [0.0; 2],
             yaw_rad: v.yaw_rad,
@@ -237,17 +228,18 @@ fn refinement() {
             ln_height_ratio: 0.0,
         })
     });
-    let start = State { camera, groups: groups.collect(), views: views.collect(), points: Vec::new() };
+    let start = State::of_one_camera(camera, groups.collect(), views.collect());
+    let of_scene = options(frame_of_scene);
     time("joint refinement, 6 motions x 1000 points, covariance", 7, || {
-        adjust(SceneModel::Floor, &frame_of_scene, &tracks, vec![start.clone()], &options).expect("refined")
+        adjust(SceneModel::Floor, &tracks, vec![start.clone()], &of_scene).expect("refined")
     });
     // Growth, the variance components given.
-    let given = BundleOptions { attitude_sigma_rad: Some(0.0005), height_sigma: Some(0.001), ..options };
+    let given = BundleOptions { attitude_sigma_rad: Some(0.0005), height_sigma: Some(0.001), ..options(frame) };
     for views in [25, 50, 100, 200] {
         let (tracks, start) = drive(views, 500);
         let observations: usize = tracks.iter().map(|t| t.observations.len()).sum();
         let seconds = time(&format!("joint refinement, {views} views, {observations} observations"), 3, || {
-            adjust(SceneModel::Floor, &frame, &tracks, vec![start.clone()], &given).expect("refined")
+            adjust(SceneModel::Floor, &tracks, vec![start.clone()], &given).expect("refined")
         });
         println!("{:<52} {:.2} us an observation", "", 1e6 * seconds / observations as f64);
     }

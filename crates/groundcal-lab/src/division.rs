@@ -16,7 +16,7 @@
 //! minimise over H_m, λ, x̂_i:   Σ ( |a_i - x̂_i|² + |b_i - d(H_m u(x̂_i))|² ) / σ_i²,      d(u) = 2 u / (1 + √(1 - 4 λ |u|²)) = u⁻¹
 //! ```
 //!
-//! the points x̂ eliminated as in [`mod@super::refine`]. To first order λ = k1 (s / f)² for a frame of scale s px: a small k1 of
+//! the points x̂ eliminated as in [`groundcal::pairs::refine`]. To first order λ = k1 (s / f)² for a frame of scale s px: a small k1 of
 //! Brown-Conrady bends as much.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};

@@ -14,42 +14,70 @@ use image::{
 use groundcal_io::error::IoError;
 use groundcal_io::export::write_whole;
 
-/// Renders every view of the scene file into `out_dir`; see [`write_pictures`].
+/// Renders every view of the scene file into `out_dir`; each file appears whole or not at all, `truth.json` last.
 pub fn run(scene_path: &Path, out_dir: &Path) -> Result<(), IoError> {
     let name = scene_path.display().to_string();
     let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
     let text = std::fs::read_to_string(scene_path).map_err(|e| wrong(&format!("cannot be read: {e}")))?;
     let scene: Scene = toml::from_str(&text).map_err(|e| wrong(&format!("not a scene file: {e}")))?;
-    write_pictures(&scene, &name, out_dir, |_| {}).map(|_| ())
+    write_pictures(&scene, &name, out_dir)
 }
 
-/// Renders every view of a scene into `out_dir` (made if missing), then writes `truth.json` there, and gives the pictures as
-/// they were before JPEG. Each file appears whole or not at all; `truth.json` comes last, so that its presence says that the
-/// pictures are complete. `name` stands for the scene in messages; `done` hears of each picture.
-pub fn write_pictures(
-    scene: &Scene,
-    name: &str,
-    out_dir: &Path,
-    done: impl Fn(usize),
-) -> Result<Vec<RgbImage8>, IoError> {
+/// A picture of a scene.
+#[derive(Debug, Clone)]
+pub struct Rendered {
+    /// Name of its file.
+    pub file: String,
+    /// Its pixels, as they were before JPEG.
+    pub picture: RgbImage8,
+    /// The file's content.
+    pub bytes: Vec<u8>,
+}
+
+/// Renders every view of a scene. `name` stands for the scene in messages; `done` hears of each picture.
+///
+/// # Errors
+/// [`IoError::Input`] when the scene is none.
+pub fn render_pictures(scene: &Scene, name: &str, done: impl Fn(usize)) -> Result<Vec<Rendered>, IoError> {
     let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
     let renderer = Renderer::new(scene).map_err(|e| wrong(&e))?;
+    scene
+        .views()
+        .enumerate()
+        .map(|(index, _)| render_one(scene, &renderer, index, name).inspect(|_| done(index)))
+        .collect()
+}
+
+fn render_one(scene: &Scene, renderer: &Renderer, index: usize, name: &str) -> Result<Rendered, IoError> {
+    let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
+    let (_, view) = scene.views().nth(index).ok_or_else(|| wrong(&format!("there is no view {index}")))?;
+    let picture = renderer.render(index).map_err(|e| wrong(&e))?;
+    let bytes = encode(&picture, &view.file, scene.sensor.jpeg_quality)
+        .map_err(|e| IoError::Other(format!("cannot encode {}: {e}", view.file)))?;
+    Ok(Rendered { file: view.file.clone(), picture, bytes })
+}
+
+/// `truth.json` of a scene.
+///
+/// # Errors
+/// [`IoError::Other`] when it cannot be written as JSON.
+pub fn truth_json(scene: &Scene) -> Result<String, IoError> {
+    serde_json::to_string_pretty(&scene.truth())
+        .map(|json| json + "\n")
+        .map_err(|e| IoError::Other(format!("cannot write the truth as JSON: {e}")))
+}
+
+/// Renders every view of a scene into `out_dir` (made if missing), then writes `truth.json` there. Each file appears whole or not at
+/// all; `truth.json` comes last, so that its presence says that the pictures are complete. `name` stands for the scene in messages.
+fn write_pictures(scene: &Scene, name: &str, out_dir: &Path) -> Result<(), IoError> {
+    let renderer = Renderer::new(scene).map_err(|e| IoError::Input(format!("{name}: {e}")))?;
     std::fs::create_dir_all(out_dir)
         .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", out_dir.display())))?;
-    let mut pictures = Vec::with_capacity(scene.view_count());
-    for (index, (_, view)) in scene.views().enumerate() {
-        let picture = renderer.render(index).map_err(|e| wrong(&e))?;
-        let path = out_dir.join(&view.file);
-        let bytes = encode(&picture, &view.file, scene.sensor.jpeg_quality)
-            .map_err(|e| IoError::Other(format!("cannot encode {}: {e}", path.display())))?;
-        write_whole(&path, &bytes)?;
-        pictures.push(picture);
-        done(index);
+    for index in 0..scene.view_count() {
+        let rendered = render_one(scene, &renderer, index, name)?;
+        write_whole(&out_dir.join(&rendered.file), &rendered.bytes)?;
     }
-    let json = serde_json::to_string_pretty(&scene.truth())
-        .map_err(|e| IoError::Other(format!("cannot write the truth as JSON: {e}")))?;
-    write_whole(&out_dir.join("truth.json"), format!("{json}\n").as_bytes())?;
-    Ok(pictures)
+    write_whole(&out_dir.join("truth.json"), truth_json(scene)?.as_bytes())
 }
 
 /// PNG or JPEG, as the file's name says.

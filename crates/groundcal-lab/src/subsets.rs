@@ -138,7 +138,7 @@ mod tests {
                 .map(|p| {
                     let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).expect("a homography");
                     let geometry = from_homography(&h).expect("a turn");
-                    Motion { from: p.pair.from, to: p.pair.to, geometry, sides: Sides::One }
+                    Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: Sides::One }
                 })
                 .collect();
             let ranked = rank_subsets(&motions, &frame, &options, 3).expect("few enough");

@@ -19,6 +19,7 @@ use groundcal::{
         circular_points::{CircularPoint, NoCircularPoint, from_homography},
         refine::HomographyEstimate,
     },
+    remedy::Remedy,
     start::{
         absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
         linear_camera::what_is_uncertain,
@@ -80,7 +81,7 @@ pub fn calibrate_transferred(
             needed,
             motions: 1,
             attitudes: found,
-            alternative: "a further view of the plane at another attitude, or `focal`".into(),
+            alternatives: vec![Constraint::Focal],
         });
     }
     let first = from_homography(motion).map_err(|why| Error::NoUsableMotion {
@@ -94,7 +95,7 @@ pub fn calibrate_transferred(
                 format!("circular point too uncertain (direction known to {:.0} degrees)", sigma.to_degrees())
             }
         },
-        remedy: "Turn the camera by 15 to 60 degrees between the two images of the motion, without tilting it".into(),
+        remedies: vec![Remedy::CLEAR_TURN],
     })?;
     let matrices: Vec<Matrix3<f64>> = others.iter().map(|h| h.in_frame).collect();
     let (p, covariance, points) = propagate(&first.circular_point, &matrices, others, constraint, aspect)?;
@@ -105,9 +106,7 @@ pub fn calibrate_transferred(
         return Err(Error::Undetermined {
             constraint: constraint.name(),
             direction: format!("one motion seen from {found} views would give {uncertain}"),
-            remedy: "Take the other views at tilts and rolls that differ by 20 degrees or more, turn the camera further in the motion, or \
-                     use a stronger constraint"
-                .into(),
+            remedies: vec![Remedy::VaryTiltAndRoll, Remedy::TurnFurther],
         });
     }
     let mut to_pixels = SMatrix::<f64, 5, 5>::from_diagonal_element(frame.scale_px);

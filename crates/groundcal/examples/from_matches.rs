@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     println!("fx {:.1} +- {:.1} px (truth {})", camera.fx, sd.fx.unwrap_or(0.0), scene.intrinsics.fx);
     println!("cy {:.1} +- {:.1} px (truth {})", camera.cy, sd.cy.unwrap_or(0.0), scene.intrinsics.cy);
     for warning in &calibration.warnings {
-        println!("warning [{}] {}", warning.code, warning.message);
+        println!("warning [{}] {warning}", warning.code());
     }
     Ok(())
 }

@@ -5,42 +5,57 @@
 
 use std::fmt::Write;
 
-use groundcal::result::Calibration;
+use groundcal::geometry::lens::Lens;
 use nalgebra::{Rotation3, UnitQuaternion};
 
-use crate::export::formats::World;
+use crate::{
+    error::IoError,
+    export::{file::File, source::Source, world::World},
+};
+
+/// The three files.
+pub(crate) fn files(source: &Source) -> Result<Vec<File>, IoError> {
+    Ok(vec![
+        File::new("cameras.txt", cameras(source)),
+        File::new("images.txt", images(&source.world)),
+        File::new("points3D.txt", points()),
+    ])
+}
 
 /// The camera, with the smallest model that holds it.
-pub fn cameras(calibration: &Calibration) -> String {
-    let c = &calibration.camera;
-    let d = &c.distortion;
-    let (fx, fy, cx, cy) = (c.fx, c.fy, c.cx + 0.5, c.cy + 0.5);
-    let radial_only = d.p1 == 0.0 && d.p2 == 0.0;
-    let square = fx == fy;
-    let (model, parameters) = match (radial_only && d.k2 == 0.0, radial_only) {
-        (true, _) if d.k1 == 0.0 && square => ("SIMPLE_PINHOLE", vec![fx, cx, cy]),
-        (true, _) if d.k1 == 0.0 => ("PINHOLE", vec![fx, fy, cx, cy]),
-        (true, _) if square => ("SIMPLE_RADIAL", vec![fx, cx, cy, d.k1]),
-        (_, true) if square => ("RADIAL", vec![fx, cx, cy, d.k1, d.k2]),
-        _ => ("OPENCV", vec![fx, fy, cx, cy, d.k1, d.k2, d.p1, d.p2]),
+fn cameras(source: &Source) -> String {
+    let (c, k) = (&source.camera, &source.camera.intrinsics);
+    let [k1, k2, p1, p2, k3] = source.lens_parameters(["k1", "k2", "p1", "p2", "k3"]);
+    let (centre, square) = ([k.cx + 0.5, k.cy + 0.5], k.fx == k.fy);
+    let (one_focal, two_focals) = (vec![k.fx, centre[0], centre[1]], vec![k.fx, k.fy, centre[0], centre[1]]);
+    let (model, mut parameters, lens) = match c.lens {
+        Lens::Fisheye(lens) => ("OPENCV_FISHEYE", two_focals, lens.parameters().to_vec()),
+        _ if k3 != 0.0 => ("FULL_OPENCV", two_focals, vec![k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]),
+        _ if p1 != 0.0 || p2 != 0.0 => ("OPENCV", two_focals, vec![k1, k2, p1, p2]),
+        _ if k1 == 0.0 && k2 == 0.0 && square => ("SIMPLE_PINHOLE", one_focal, Vec::new()),
+        _ if k1 == 0.0 && k2 == 0.0 => ("PINHOLE", two_focals, Vec::new()),
+        _ if k2 == 0.0 && square => ("SIMPLE_RADIAL", one_focal, vec![k1]),
+        _ if square => ("RADIAL", one_focal, vec![k1, k2]),
+        _ => ("OPENCV", two_focals, vec![k1, k2, p1, p2]),
     };
+    parameters.extend(lens);
     let numbers: Vec<String> = parameters.iter().map(f64::to_string).collect();
-    let skew = if c.skew == 0.0 {
+    let skew = if k.skew == 0.0 {
         String::new()
     } else {
-        format!("# A skew of {} px is left out: the format has none.\n", c.skew)
+        format!("# A skew of {} px is left out: the format has none.\n", k.skew)
     };
     format!(
         "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n\
          # (0.5,0.5) is the centre of the top-left pixel, as COLMAP counts.\n{skew}# Number of cameras: 1\n1 {model} {} {} {}\n",
-        c.image_size[0],
-        c.image_size[1],
+        c.size.width,
+        c.size.height,
         numbers.join(" ")
     )
 }
 
 /// The poses of one world, without points.
-pub fn images(world: &World) -> String {
+fn images(world: &World) -> String {
     let mut out = String::from(
         "# Image list with two lines of data per image:\n\
          #   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n\
@@ -80,7 +95,7 @@ pub fn images(world: &World) -> String {
 }
 
 /// No points: COLMAP reads a model only where the file is there.
-pub fn points() -> String {
+fn points() -> String {
     "# 3D point list with one line of data per point:\n#   POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n\
      # Number of points: 0, mean track length: 0\n"
         .into()

@@ -1,9 +1,17 @@
-//! The files of `calibrate --out` beside `calibration.json`: one module a format, chosen by name.
+//! The files of `calibrate --out` beside `calibration.json`: a table of formats, one module each, chosen by name.
 
-use groundcal::result::{Calibration, Camera};
+use std::path::{Path, PathBuf};
 
-use crate::error::IoError;
-use crate::export::{colmap, kalibr, matlab, nerfstudio, opencv, ros};
+use groundcal::{
+    geometry::{camera::Camera, lens::Lens},
+    result::Calibration,
+};
+
+use crate::{
+    error::IoError,
+    export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, source::Source, write::write_whole},
+    text::{quoted, shown},
+};
 
 /// A format of another program.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,17 +34,51 @@ impl Format {
     /// All of them.
     pub const ALL: [Format; 6] =
         [Format::Opencv, Format::Ros, Format::Kalibr, Format::Colmap, Format::Nerfstudio, Format::Matlab];
+
+    fn writer(self) -> Writer {
+        let whole = Writer { file: "", files: opencv::files, poses: false, skew: true, k3: true, fisheye: true };
+        match self {
+            Format::Opencv => Writer { file: "camera_opencv.yaml", ..whole },
+            Format::Ros => Writer { file: "camera_info.yaml", files: ros::files, ..whole },
+            Format::Kalibr => Writer { file: "camchain.yaml", files: kalibr::files, skew: false, k3: false, ..whole },
+            Format::Colmap => Writer { file: "cameras.txt", files: colmap::files, poses: true, skew: false, ..whole },
+            Format::Nerfstudio => {
+                Writer { file: "transforms.json", files: nerfstudio::files, poses: true, skew: false, ..whole }
+            }
+            Format::Matlab => Writer { file: "camera_matlab.csv", files: matlab::files, fisheye: false, ..whole },
+        }
+    }
 }
 
-/// A file to write.
-pub struct File {
-    /// Its name.
-    pub name: &'static str,
-    /// Its content.
-    pub content: String,
+/// A row of the table of formats.
+struct Writer {
+    /// The file of the camera.
+    file: &'static str,
+    /// Makes the files.
+    files: fn(&Source) -> Result<Vec<File>, IoError>,
+    /// Whether poses are written.
+    poses: bool,
+    /// Whether it has a place for a skew.
+    skew: bool,
+    /// Whether it has a place for k3 of Brown-Conrady.
+    k3: bool,
+    /// Whether it has the equidistant fisheye.
+    fisheye: bool,
+}
+
+impl Writer {
+    /// Whether it has the lens's model. Without its lens a camera would be another.
+    fn has(&self, lens: &Lens) -> bool {
+        match lens {
+            Lens::None | Lens::Radtan(_) => true,
+            Lens::Fisheye(_) => self.fisheye,
+            _ => lens.is_none(),
+        }
+    }
 }
 
 /// Files of the formats asked for, and what they cannot say.
+#[derive(Debug)]
 pub struct Files {
     /// In the order of the formats.
     pub files: Vec<File>,
@@ -44,158 +86,179 @@ pub struct Files {
     pub notes: Vec<String>,
 }
 
-/// Renders the formats; an empty list stands for all.
+/// Renders the formats, each once, in the order of [`Format::ALL`]; an empty list stands for all.
+///
+/// # Errors
+/// [`IoError::Other`] where a number cannot be written.
 pub fn render(calibration: &Calibration, formats: &[Format]) -> Result<Files, IoError> {
-    let formats = if formats.is_empty() { &Format::ALL[..] } else { formats };
-    let has = |format: Format| formats.contains(&format);
-    let world = World::largest(calibration);
+    rendered(&Source::of_calibration(calibration), formats)
+}
+
+/// A camera alone in the formats, without poses.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_camera(camera: &Camera, formats: &[Format]) -> Result<Files, IoError> {
+    rendered(&Source::of_camera(camera), formats)
+}
+
+fn rendered(source: &Source, formats: &[Format]) -> Result<Files, IoError> {
+    let wanted = Format::ALL.into_iter().filter(|f| formats.is_empty() || formats.contains(f));
+    let lens = &source.camera.lens;
+    let (able, unable): (Vec<Format>, Vec<Format>) = wanted.partition(|f| f.writer().has(lens));
     let mut files = Vec::new();
-    // In the order of the enumeration, each once, whatever the order they were named in.
-    for format in Format::ALL.iter().filter(|f| has(**f)) {
-        let mut add = |name: &'static str, content: String| files.push(File { name, content });
-        match format {
-            Format::Opencv => add("camera_opencv.yaml", opencv::yaml(calibration)),
-            Format::Ros => add("camera_info.yaml", ros::yaml(calibration)),
-            Format::Kalibr => add("camchain.yaml", kalibr::yaml(calibration)),
-            Format::Colmap => {
-                add("cameras.txt", colmap::cameras(calibration));
-                add("images.txt", colmap::images(&world));
-                add("points3D.txt", colmap::points());
-            }
-            Format::Nerfstudio => add("transforms.json", nerfstudio::json(calibration, &world)?),
-            Format::Matlab => add("camera_matlab.csv", matlab::csv(calibration)),
-        }
+    for format in &able {
+        files.extend((format.writer().files)(source)?);
     }
-    let mut notes = Vec::new();
-    if (has(Format::Colmap) || has(Format::Nerfstudio)) && !world.left_out.is_empty() {
-        notes.push(world.what_is_left_out());
-    }
-    if let Some(pose) = world.poses.iter().find(|p| has(Format::Colmap) && p.image.contains(char::is_whitespace)) {
-        notes.push(format!(
-            "COLMAP reads the name of an image up to the first blank: \"{}\" will not be found. Rename the file",
-            pose.image
-        ));
-    }
-    let unable: Vec<&str> =
-        [(Format::Kalibr, "camchain.yaml"), (Format::Colmap, "cameras.txt"), (Format::Nerfstudio, "transforms.json")]
-            .iter()
-            .filter(|(format, _)| has(*format))
-            .map(|(_, name)| *name)
-            .collect();
-    if calibration.camera.skew != 0.0 && !unable.is_empty() {
-        notes.push(format!(
-            "the skew of {:.3} px is left out of {}: the format has no place for it",
-            calibration.camera.skew,
-            unable.join(", ")
-        ));
+    let mut notes = notes(source, &able);
+    if !unable.is_empty() {
+        let names: Vec<&str> = unable.iter().map(|f| f.writer().file).collect();
+        notes.push(format!("not written: {}; the format has no lens of the model {}", names.join(", "), lens.name()));
     }
     Ok(Files { files, notes })
 }
 
-/// A view with its place: camera coordinates are R (X - c).
-pub struct Pose<'a> {
-    /// Name of the image.
-    pub image: &'a str,
-    /// Camera from world.
-    pub r_cam_from_world: nalgebra::Matrix3<f64>,
-    /// Optical centre in the world.
-    pub centre: nalgebra::Vector3<f64>,
-}
-
-/// The largest set of views that have a position in one world, and the views outside it.
-pub struct World<'a> {
-    /// Its views; empty where none has a position.
-    pub poses: Vec<Pose<'a>>,
-    /// Name of the image whose foot is its origin.
-    pub origin: Option<&'a str>,
-    /// Views with a position in another world.
-    pub left_out: Vec<&'a str>,
-    /// Unit of length, in words.
-    pub unit: &'static str,
-}
-
-impl<'a> World<'a> {
-    /// Worlds are told apart by their origin; of equally large ones the first is taken.
-    pub fn largest(calibration: &'a Calibration) -> Self {
-        let placed = || calibration.views.iter().filter(|v| v.position.is_some());
-        let count = |origin: &str| placed().filter(|v| v.origin == origin).count();
-        let mut origin: Option<&str> = None;
-        for view in placed() {
-            if origin.is_none_or(|o| count(&view.origin) > count(o)) {
-                origin = Some(&view.origin);
-            }
-        }
-        let inside = |v: &&groundcal::result::ViewReport| Some(v.origin.as_str()) == origin;
-        let poses = placed().filter(inside).filter_map(|v| {
-            let [pitch, roll, yaw] = [v.pitch_down_deg, v.roll_deg, v.yaw_deg].map(f64::to_radians);
-            let r_cam_from_world = groundcal::geometry::attitude::rotation_cam_from_world(pitch, roll, yaw);
-            Some(Pose { image: &v.image, r_cam_from_world, centre: v.position?.into() })
-        });
-        let metres = calibration.camera_height_m.is_some();
-        Self {
-            poses: poses.collect(),
-            origin,
-            unit: if metres { "metres" } else { "heights of the first camera" },
-            left_out: placed().filter(|v| !inside(v)).map(|v| v.image.as_str()).collect(),
-        }
+fn notes(source: &Source, chosen: &[Format]) -> Vec<String> {
+    let mut notes = Vec::new();
+    let (world, camera) = (&source.world, &source.camera);
+    if chosen.iter().any(|f| f.writer().poses) && !world.left_out.is_empty() {
+        notes.push(world.what_is_left_out());
     }
-
-    /// A sentence about the other worlds.
-    pub fn what_is_left_out(&self) -> String {
-        format!(
-            "poses are those of the {} views connected to {}; {} in other worlds (no common points tie them together): {}",
-            self.poses.len(),
-            self.origin.unwrap_or_default(),
-            match self.left_out.len() {
-                1 => "1 view is".to_string(),
-                n => format!("{n} views are"),
-            },
-            self.left_out.join(", ")
-        )
+    let blank = world.poses.iter().find(|p| p.image.contains(char::is_whitespace));
+    if let Some(pose) = blank.filter(|_| chosen.contains(&Format::Colmap)) {
+        notes.push(format!(
+            "COLMAP reads the name of an image up to the first blank: {} will not be found. Rename the file",
+            quoted(pose.image)
+        ));
     }
-}
-
-/// A number that every YAML reader takes for one: YAML 1.1 (PyYAML) wants a point in the mantissa and a sign in the exponent.
-/// Shortest digits that read back exactly.
-pub fn number(value: f64) -> String {
-    // Negative zero helps nobody.
-    let text = format!("{:?}", value + 0.0);
-    match text.split_once('e') {
-        Some((mantissa, exponent)) => {
-            let point = if mantissa.contains('.') { "" } else { ".0" };
-            let sign = if exponent.starts_with('-') { "" } else { "+" };
-            format!("{mantissa}{point}e{sign}{exponent}")
-        }
-        None => text,
+    let files = |without: &dyn Fn(&Writer) -> bool| {
+        let names: Vec<&str> = chosen.iter().map(|f| f.writer()).filter(|w| without(w)).map(|w| w.file).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    };
+    let skew = camera.intrinsics.skew;
+    if let Some(names) = files(&|w| !w.skew).filter(|_| skew != 0.0) {
+        notes.push(format!("the skew of {skew:.3} px is left out of {names}: the format has no place for it"));
     }
+    let k3 = if matches!(camera.lens, Lens::Radtan(_)) { source.lens_parameter("k3") } else { 0.0 };
+    if let Some(names) = files(&|w| !w.k3).filter(|_| k3 != 0.0) {
+        notes.push(format!("the coefficient k3 = {k3} is left out of {names}: the format has no place for it"));
+    }
+    if let Some(names) = files(&|w| w.skew).filter(|_| skew != 0.0 && matches!(camera.lens, Lens::Fisheye(_))) {
+        notes.push(format!(
+            "the skew of {skew:.3} px in {names} is passed over by cv2.fisheye, which takes it beside the matrix"
+        ));
+    }
+    notes
 }
 
-/// Numbers with commas between.
-pub fn list(values: &[f64]) -> String {
-    values.iter().map(|v| number(*v)).collect::<Vec<_>>().join(", ")
-}
-
-/// The nine numbers of K, row by row.
-pub fn camera_matrix(c: &Camera) -> [f64; 9] {
-    [c.fx, c.skew, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0]
+/// Writes the files of the formats into a folder, which is made if need be. Returns their paths, and sentences about what the
+/// formats cannot say.
+///
+/// # Errors
+/// [`IoError::Other`] where the folder does not take them.
+///
+/// ```
+/// use groundcal_io::export::{Format, write_formats};
+///
+/// fn camera_for_ros(calibration: &groundcal::result::Calibration) -> Result<(), groundcal_io::error::IoError> {
+///     let (paths, notes) = write_formats(calibration, &[Format::Ros], "out".as_ref())?;
+///     assert!(paths[0].ends_with("camera_info.yaml"));
+///     for note in notes {
+///         eprintln!("note: {note}");
+///     }
+///     Ok(())
+/// }
+/// ```
+pub fn write_formats(
+    calibration: &Calibration,
+    formats: &[Format],
+    folder: &Path,
+) -> Result<(Vec<PathBuf>, Vec<String>), IoError> {
+    let rendered = render(calibration, formats)?;
+    std::fs::create_dir_all(folder)
+        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", shown(folder))))?;
+    let mut paths = Vec::with_capacity(rendered.files.len());
+    for file in &rendered.files {
+        let path = folder.join(file.name);
+        write_whole(&path, file.content.as_bytes())?;
+        paths.push(path);
+    }
+    Ok((paths, rendered.notes))
 }
 
 #[cfg(test)]
 mod tests {
+    use groundcal::geometry::{
+        intrinsics::Intrinsics,
+        lens::{Division, Fisheye, Radtan},
+        size::ImageSize,
+    };
+
     use super::*;
+    use crate::import::parse;
+
+    fn camera(lens: Lens) -> Camera {
+        let intrinsics = Intrinsics { fx: 410.25, fy: 411.5, cx: 400.25, cy: 299.5, skew: 0.0 };
+        Camera { size: ImageSize::new(800, 600), intrinsics, lens }
+    }
+
+    /// What is read back of each file of a camera.
+    fn read_back(camera: &Camera) -> Vec<(&'static str, Camera)> {
+        let rendered = render_camera(camera, &[]).unwrap();
+        let files = rendered.files.iter().filter(|f| !["images.txt", "points3D.txt"].contains(&f.name));
+        let read = files.filter(|f| f.name != "camera_matlab.csv").map(|f| {
+            let read = parse(&f.content).unwrap_or_else(|e| panic!("{}: {e}", f.name)).swap_remove(0);
+            assert!(read.notes.is_empty(), "{}: {:?}", f.name, read.notes);
+            (f.name, Camera { size: read.size.unwrap(), intrinsics: read.intrinsics, lens: read.lens })
+        });
+        read.collect()
+    }
 
     #[test]
-    fn numbers_have_a_point_and_a_signed_exponent() {
-        for (value, text) in [
-            (705.0, "705.0"),
-            (-0.0, "0.0"),
-            (1e-5, "1.0e-5"),
-            (-8.28619e-5, "-8.28619e-5"),
-            (1e20, "1.0e+20"),
-            (0.1, "0.1"),
-        ] {
-            assert_eq!(number(value), text);
-            assert_eq!(text.parse::<f64>(), Ok(value));
+    fn cameras_come_back_from_every_format_that_has_their_lens() {
+        let fisheye = Lens::Fisheye(Fisheye::new([0.02, -0.01, 0.003, -5e-7]));
+        let wide = Lens::Radtan(Radtan::new([-0.2, 0.03, 1e-3, -2e-3, 0.004]));
+        for lens in [fisheye, wide, Lens::radial(-0.1, 0.02), Lens::radial(-0.1, 0.0)] {
+            let all = read_back(&camera(lens));
+            assert_eq!(all.len(), 5, "{lens:?}");
+            for (name, read) in all {
+                let expected = match (name, lens) {
+                    // Kalibr has no k3.
+                    ("camchain.yaml", Lens::Radtan(l)) if l.parameters()[4] != 0.0 => {
+                        let [k1, k2, p1, p2, _] = l.parameters();
+                        Lens::Radtan(Radtan::new([k1, k2, p1, p2, 0.0]))
+                    }
+                    _ => lens,
+                };
+                assert_eq!(read, camera(expected), "{name}");
+            }
         }
+    }
+
+    #[test]
+    fn what_a_format_cannot_hold_is_said() {
+        let said = |camera: &Camera, words: &[&str]| {
+            let rendered = render_camera(camera, &[]).unwrap();
+            let notes = rendered.notes.join("\n");
+            assert!(words.iter().all(|w| notes.contains(w)), "{notes}");
+            rendered.files.len()
+        };
+        let plain = camera(Lens::radial(-0.1, 0.0));
+        assert!(render_camera(&plain, &[]).unwrap().notes.is_empty());
+        let skewed = Camera { intrinsics: Intrinsics { skew: 1.5, ..plain.intrinsics }, ..plain };
+        let without_skew = ["skew of 1.500 px", "camchain.yaml, cameras.txt, transforms.json"];
+        assert_eq!(said(&skewed, &without_skew), 8);
+        let k3 = camera(Lens::Radtan(Radtan::new([-0.2, 0.03, 0.0, 0.0, 0.004])));
+        assert_eq!(said(&k3, &["k3 = 0.004 is left out of camchain.yaml"]), 8);
+        let fisheye = Camera { lens: Lens::Fisheye(Fisheye::default()), ..skewed };
+        let words = [
+            "not written: camera_matlab.csv",
+            "fisheye",
+            "passed over by cv2.fisheye",
+            "camera_opencv.yaml, camera_info.yaml",
+        ];
+        assert_eq!(said(&fisheye, &words), 7);
+        let division = camera(Lens::Division(Division::new(-0.2)));
+        assert_eq!(said(&division, &["camera_opencv.yaml, camera_info.yaml, camchain.yaml", "division"]), 0);
     }
 }

@@ -1,25 +1,36 @@
 //! `camchain.yaml`, as Kalibr writes and reads it.
 
-use groundcal::result::Calibration;
+use groundcal::{geometry::lens::Lens, result::PixelCentre};
 
-use crate::export::formats::list;
+use crate::{
+    error::IoError,
+    export::{file::File, number::list, source::Source},
+};
 
-/// The file's text: one camera, pinhole with radtan distortion. Kalibr counts pixels as we do; it has no skew.
-pub fn yaml(calibration: &Calibration) -> String {
-    let c = &calibration.camera;
-    let d = &c.distortion;
-    let skew = if c.skew == 0.0 {
-        String::new()
-    } else {
-        format!("# a skew of {} px is left out: the format has none\n", c.skew)
+/// The file.
+pub(crate) fn files(source: &Source) -> Result<Vec<File>, IoError> {
+    Ok(vec![File::new("camchain.yaml", yaml(source))])
+}
+
+/// The file's text: one camera, pinhole with radtan or equidistant distortion. Kalibr counts pixels as we do; it has neither skew
+/// nor k3.
+fn yaml(source: &Source) -> String {
+    let (c, k) = (&source.camera, &source.camera.intrinsics);
+    let (model, coefficients, k3) = match c.lens {
+        Lens::Fisheye(lens) => ("equidistant", lens.parameters(), 0.0),
+        _ => ("radtan", source.lens_parameters(["k1", "k2", "p1", "p2"]), source.lens_parameter("k3")),
     };
+    let left_out = [("a skew", k.skew, " px"), ("a k3", k3, "")].into_iter().filter(|(_, value, _)| *value != 0.0);
+    let left_out: String = left_out
+        .map(|(what, value, unit)| format!("# {what} of {value}{unit} is left out: the format has none\n"))
+        .collect();
     format!(
-        "# {}\n{skew}cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: [{}]\n  distortion_model: radtan\n  \
+        "# {}\n{left_out}cam0:\n  cam_overlaps: []\n  camera_model: pinhole\n  distortion_coeffs: [{}]\n  distortion_model: {model}\n  \
          intrinsics: [{}]\n  resolution: [{}, {}]\n  rostopic: /cam0/image_raw\n",
-        calibration.pixel_centre,
-        list(&[d.k1, d.k2, d.p1, d.p2]),
-        list(&[c.fx, c.fy, c.cx, c.cy]),
-        c.image_size[0],
-        c.image_size[1],
+        PixelCentre::TopLeftPixel,
+        list(&coefficients),
+        list(&[k.fx, k.fy, k.cx, k.cy]),
+        c.size.width,
+        c.size.height,
     )
 }

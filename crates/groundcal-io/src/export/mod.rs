@@ -1,37 +1,25 @@
-//! Renderers of a calibration: each takes the one result value and gives text.
+//! A calibration as the files of this program and of others.
+//!
+//! `formats` has the table of formats; one file a format (`opencv`, `ros`, `kalibr`, `colmap`, `nerfstudio`, `matlab`); below them
+//! what they share (`source`: what is written, `world`: poses, `number`: digits, `file`).
 
-pub mod colmap;
+mod calibration_json;
+mod colmap;
+mod file;
+pub mod floor_picture;
 pub mod formats;
-pub mod kalibr;
-pub mod matlab;
-pub mod nerfstudio;
-pub mod opencv;
-pub mod ros;
+mod kalibr;
+mod matlab;
+mod nerfstudio;
+mod number;
+mod opencv;
+mod ros;
+mod source;
+pub mod undistorted;
+mod world;
+mod write;
 
-use std::{io::Write, path::Path};
-
-use groundcal::result::Calibration;
-
-use crate::error::IoError;
-
-/// The calibration as JSON (docs/formats.md).
-pub fn json(calibration: &Calibration) -> Result<String, IoError> {
-    serde_json::to_string_pretty(calibration)
-        .map(|text| text + "\n")
-        .map_err(|e| IoError::Other(format!("cannot write the calibration as JSON: {e}")))
-}
-
-/// Writes a file whole or not at all: to a temporary neighbour first, then renamed.
-pub fn write_whole(path: &Path, content: &[u8]) -> Result<(), IoError> {
-    let fail = |e: std::io::Error| IoError::Other(format!("cannot write {}: {e}", path.display()));
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".groundcal-");
-    // A temporary file is private by default; the finished one should have ordinary rights (less the umask).
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut file = builder.tempfile_in(folder).map_err(fail)?;
-    file.write_all(content).map_err(fail)?;
-    file.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
-}
+pub use calibration_json::json;
+pub use file::File;
+pub use formats::{Files, Format, render, render_camera, write_formats};
+pub use write::write_whole;

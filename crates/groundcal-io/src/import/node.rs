@@ -2,6 +2,8 @@
 
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
 
+use crate::{import::spelling::plain, limits::MAX_MARKUP_BYTES, text::quoted};
+
 /// How deep values may be nested; calibrations need four levels.
 const MAX_DEPTH: usize = 32;
 /// Columns before the first word of a line.
@@ -9,7 +11,7 @@ const MAX_LEAD: usize = 256;
 
 /// A value.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Node {
+pub(crate) enum Node {
     /// A number.
     Number(f64),
     /// A word, or nothing.
@@ -23,14 +25,19 @@ pub enum Node {
 impl Node {
     /// The first document of a YAML text. OpenCV's `%YAML:1.0` is no directive that YAML knows, and is dropped; tags such as
     /// `!!opencv-matrix` are ignored.
-    pub fn from_yaml(text: &str) -> Result<Self, String> {
+    pub(crate) fn from_yaml(text: &str) -> Result<Self, String> {
+        if text.len() > MAX_MARKUP_BYTES {
+            return Err(too_long());
+        }
         let mut body = text;
         if text.starts_with("%YAML") {
             body = text.split_once('\n').map_or("", |t| t.1);
         }
         check_nesting(body)?;
-        let documents =
-            Yaml::load_from_str(body).map_err(|e| format!("neither YAML nor another format that is read ({e})"))?;
+        let documents = Yaml::load_from_str(body).map_err(|e| {
+            let at = e.marker();
+            format!("damaged YAML, or no format that is read (line {}, column {})", at.line(), at.col() + 1)
+        })?;
         match documents.first() {
             Some(document) => from_yaml_node(document, 0),
             None => Ok(Node::Map(Vec::new())),
@@ -38,29 +45,57 @@ impl Node {
     }
 
     /// The values inside the root element of an XML text, as OpenCV writes it.
-    pub fn from_xml(text: &str) -> Result<Self, String> {
+    pub(crate) fn from_xml(text: &str) -> Result<Self, String> {
+        if text.len() > MAX_MARKUP_BYTES {
+            return Err(too_long());
+        }
         check_elements(text)?;
         let document = roxmltree::Document::parse(text).map_err(|e| format!("damaged XML: {e}"))?;
         from_xml_node(&document.root_element(), 0)
     }
 
-    /// Names of the values.
-    pub fn keys(&self) -> Vec<&str> {
-        match self {
-            Node::Map(entries) => entries.iter().map(|(k, _)| k.as_str()).collect(),
-            _ => Vec::new(),
+    /// The same tree of a JSON text.
+    pub(crate) fn from_json(value: &serde_json::Value) -> Self {
+        use serde_json::Value;
+        match value {
+            Value::Null => Node::Text(String::new()),
+            Value::Bool(v) => Node::Number(f64::from(u8::from(*v))),
+            Value::Number(v) => Node::Number(v.as_f64().unwrap_or(f64::NAN)),
+            Value::String(v) => Node::Text(v.clone()),
+            Value::Array(items) => Node::List(items.iter().map(Node::from_json).collect()),
+            Value::Object(entries) => Node::Map(entries.iter().map(|(k, v)| (k.clone(), Node::from_json(v))).collect()),
         }
     }
 
-    /// The value of one of several spellings; case and underscores do not matter.
-    pub fn get(&self, names: &[&str]) -> Option<&Node> {
-        let plain = |s: &str| s.replace('_', "").to_ascii_lowercase();
-        let Node::Map(entries) = self else { return None };
+    /// The named values.
+    pub(crate) fn entries(&self) -> &[(String, Node)] {
+        match self {
+            Node::Map(entries) => entries,
+            _ => &[],
+        }
+    }
+
+    /// Whether a flag is set: a number that is not zero, or a word that says yes.
+    pub(crate) fn is_set(&self) -> bool {
+        match self.number() {
+            Some(number) => number != 0.0,
+            None => self.text().is_some_and(|t| matches!(t.to_ascii_lowercase().as_str(), "true" | "yes" | "on")),
+        }
+    }
+
+    /// Names of the values.
+    pub(crate) fn keys(&self) -> impl Iterator<Item = &str> {
+        self.entries().iter().map(|(k, _)| k.as_str())
+    }
+
+    /// The value of one of several spellings; case and separators do not matter.
+    pub(crate) fn get(&self, names: &[&str]) -> Option<&Node> {
+        let entries = self.entries();
         names.iter().find_map(|name| entries.iter().find(|(k, _)| plain(k) == plain(name))).map(|(_, v)| v)
     }
 
     /// As a number.
-    pub fn number(&self) -> Option<f64> {
+    pub(crate) fn number(&self) -> Option<f64> {
         match self {
             Node::Number(v) => Some(*v),
             Node::Text(text) => text.trim().parse().ok(),
@@ -69,7 +104,7 @@ impl Node {
     }
 
     /// As a word.
-    pub fn text(&self) -> Option<&str> {
+    pub(crate) fn text(&self) -> Option<&str> {
         match self {
             Node::Text(text) => Some(text.trim()),
             _ => None,
@@ -77,12 +112,12 @@ impl Node {
     }
 
     /// The numbers of a list, of lists in a list, of words in a text, or of the `data` of a matrix whose `rows` and `cols` agree.
-    pub fn numbers(&self) -> Result<Vec<f64>, String> {
+    pub(crate) fn numbers(&self) -> Result<Vec<f64>, String> {
         match self {
             Node::Number(v) => Ok(vec![*v]),
             Node::Text(text) => text
                 .split_whitespace()
-                .map(|word| word.parse().map_err(|_| format!("\"{}\" is not a number", shortened(word))))
+                .map(|word| word.parse().map_err(|_| format!("{} is not a number", quoted(word))))
                 .collect(),
             Node::List(items) => {
                 let mut all = Vec::new();
@@ -125,7 +160,11 @@ fn check_nesting(yaml: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// The same for elements of XML.
+fn too_long() -> String {
+    format!("no calibration: more than {} MiB of text", MAX_MARKUP_BYTES >> 20)
+}
+
+/// Refuses deep nesting of elements of XML.
 fn check_elements(xml: &str) -> Result<(), String> {
     let mut depth = 0usize;
     for (at, _) in xml.match_indices(['<', '/']) {
@@ -140,10 +179,6 @@ fn check_elements(xml: &str) -> Result<(), String> {
         }
     }
     Ok(())
-}
-
-fn shortened(word: &str) -> String {
-    word.chars().take(40).collect()
 }
 
 fn from_yaml_node(node: &Yaml, depth: usize) -> Result<Node, String> {

@@ -1,14 +1,14 @@
 //! ROS camera_info: the calibration file (camera_name, camera_matrix, ...) or the message as printed (K, D, P). Pixels are counted
 //! as here.
 
-use crate::import::{ImportedCamera, node::Node, opencv};
+use crate::import::{imported::ImportedCamera, node::Node, opencv};
 
 /// Whether there are a camera matrix and what only ROS writes beside it.
-pub fn looks_like_it(root: &Node) -> bool {
+pub(crate) fn looks_like_it(root: &Node) -> bool {
     opencv::looks_like_it(root) && root.get(&["projection_matrix", "camera_name", "P"]).is_some()
 }
 
 /// The camera. Rectification and projection matrices say nothing of the raw image and are left aside.
-pub fn camera(root: &Node) -> Result<ImportedCamera, String> {
-    opencv::from_matrices("ROS camera_info", root)
+pub(crate) fn cameras(root: &Node) -> Result<Vec<ImportedCamera>, String> {
+    opencv::named("ROS camera_info", root)
 }

@@ -28,7 +28,7 @@ pub(crate) struct Answer {
     /// Their standard deviations; `None`: held.
     pub(crate) sigmas: [Option<f64>; 4],
     /// Codes, each once for each time it was raised.
-    pub(crate) warnings: Vec<&'static str>,
+    pub(crate) warnings: Vec<String>,
     /// Pairs that take part as motions.
     pub(crate) used: Vec<String>,
     pub(crate) attitudes: usize,
@@ -77,15 +77,19 @@ fn answer(c: &Calibration) -> Answer {
     Answer {
         numbers: [k.fx, k.fy, k.cx, k.cy],
         sigmas: [s.fx, s.fy, s.cx, s.cy],
-        warnings: c.warnings.iter().map(|w| w.code).collect(),
+        warnings: c.warnings.iter().map(|w| w.code().to_string()).collect(),
         used: c.motions.iter().filter(|m| m.used).map(|m| format!("{}-{}", m.from, m.to)).collect(),
         attitudes: c.attitudes.len(),
         attitude_sigma_deg: c.attitude_sigma_deg,
-        scene: c.scene.unwrap_or("linear"),
+        scene: match c.scene {
+            Some(groundcal::result::Scene::Floor) => "floor",
+            Some(groundcal::result::Scene::Directions) => "directions",
+            None => "linear",
+        },
         converged: c.fit.refinement.map(|r| r.converged),
         design_effect: largest(&|r| r.design_effect),
         variance_factor: largest(&|r| r.variance_factor),
-        priors: c.priors.iter().map(|p| (p.parameter, p.posterior_over_prior)).collect(),
+        priors: c.priors.iter().map(|p| (p.parameter.name(), p.posterior_over_prior)).collect(),
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use groundcal::numerics::statistics::median;
+
 use crate::lies::{
     kind::Kind,
     record::{LIE_SIGMAS, SceneRecord, Verdict, WRONG_SIGMAS},
@@ -48,9 +50,10 @@ pub fn totals<'a>(records: impl IntoIterator<Item = &'a SceneRecord>) -> Totals 
     t
 }
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
+/// The median, where there is one.
+fn middle(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    (!values.is_empty()).then(|| median(&mut values))
 }
 
 /// `code 3, code` for codes and how many scenes have them.
@@ -90,8 +93,8 @@ pub fn table(records: &[SceneRecord]) -> String {
     );
     let percent = |v: Option<f64>| v.map_or("-".to_string(), |v| format!("{v:.3}"));
     for (name, of, t) in &families {
-        let error = median(of.iter().filter_map(|r| Some(r.focal_error_percent()?.abs())).collect());
-        let sigma = median(of.iter().filter_map(|r| r.focal_sigma_percent()).collect());
+        let error = middle(of.iter().filter_map(|r| Some(r.focal_error_percent()?.abs())));
+        let sigma = middle(of.iter().filter_map(|r| r.focal_sigma_percent()));
         let worst = of.iter().filter(|r| r.is_answer()).max_by(|a, b| a.worst_sigmas().total_cmp(&b.worst_sigmas()));
         let worst = worst.map_or(String::new(), |r| format!("{:.1} sd (scene {})", r.worst_sigmas(), r.index));
         let held =

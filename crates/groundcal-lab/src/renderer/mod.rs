@@ -2,6 +2,7 @@
 
 pub mod floor_matches;
 mod noise;
+mod optics;
 pub mod render;
 pub mod scene;
 mod texture;

@@ -8,16 +8,15 @@
 //! The picture is a function of the scene alone: every random number is a hash of seed, view, pixel and sample, so neither
 //! the number of threads nor the order of the views matters.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use crate::renderer::noise::{Footprint, hash3, rehash, unit};
+use crate::renderer::optics::Optics;
 use crate::renderer::scene::{Scene, SceneError};
 use crate::renderer::texture::{
     FloorTexture, Rgb, SkyTexture, box_reflectance, linear_colour, linear_from_srgb, scaled,
 };
-use groundcal::geometry::distortion::Distortion;
-use groundcal::geometry::intrinsics::Intrinsics;
 use groundcal::{geometry::size::ImageSize, vision::image::GrayImage};
 
 /// A colour picture of 8 bits per channel, sRGB.
@@ -49,8 +48,7 @@ pub fn render_view(scene: &Scene, index: usize) -> Result<RgbImage8, SceneError>
 #[derive(Debug, Clone)]
 pub struct Renderer<'a> {
     scene: &'a Scene,
-    intrinsics: Intrinsics,
-    distortion: Distortion,
+    optics: Optics,
     floor: FloorTexture,
     sky: SkyTexture,
     boxes: Vec<SolidBox>,
@@ -161,8 +159,7 @@ impl<'a> Renderer<'a> {
         };
         Ok(Self {
             scene,
-            intrinsics: scene.camera.intrinsics(),
-            distortion: scene.camera.distortion(),
+            optics: Optics::new(&scene.camera.model()),
             floor: FloorTexture::new(&scene.floor),
             sky: SkyTexture::new(&scene.sky),
             boxes: solids.collect(),
@@ -228,12 +225,6 @@ struct Shader<'a> {
     hidden: f32,
 }
 
-/// The inverse lens model's derivative at a pixel's centre.
-struct LensSlope {
-    ideal_from_distorted: Matrix2<f64>,
-    ideal_from_pixel: Matrix2<f64>,
-}
-
 /// One sample's numbers besides its ray.
 struct Sample {
     footprint: Footprint,
@@ -249,56 +240,17 @@ impl<'a> Shader<'a> {
         Self { renderer, view, seen: Vec::new(), shading: Vec::new(), hidden: 0.0 }
     }
 
-    fn ideal(&self, x: f64, y: f64) -> Option<Vector2<f64>> {
-        self.renderer.distortion.undistort(&self.renderer.intrinsics.normalised_from_pixel(&Vector2::new(x, y)))
-    }
-
-    /// As [`Self::ideal`] at `pixel + offset`, a fraction of a pixel from where the ideal point `middle` and the slope of the
-    /// inverse lens model are known. Two simplified Newton steps leave less than 1e-9 px; where they do not, ask in full.
-    fn ideal_near(
-        &self,
-        middle: &Vector2<f64>,
-        slope: &LensSlope,
-        pixel: [f64; 2],
-        offset: [f64; 2],
-    ) -> Option<Vector2<f64>> {
-        let (x, y) = (pixel[0] + offset[0], pixel[1] + offset[1]);
-        let distorted = self.renderer.intrinsics.normalised_from_pixel(&Vector2::new(x, y));
-        let mut p = middle + slope.ideal_from_pixel * Vector2::new(offset[0], offset[1]);
-        let mut step = 0.0;
-        for _ in 0..2 {
-            let correction = slope.ideal_from_distorted * (self.renderer.distortion.distort(&p) - distorted);
-            p -= correction;
-            step = correction.norm_squared();
-        }
-        // The steps shrink by a factor of a thousand or so; the last one bounds what is left.
-        if step < 1e-18 { Some(p) } else { self.ideal(x, y) }
-    }
-
     /// The mean light of one pixel.
     fn pixel(&mut self, x: usize, y: usize) -> Rgb {
         let (px, py) = (x as f64, y as f64);
-        let Some(middle) = self.ideal(px, py) else { return [0.0; 3] };
         let renderer = self.renderer;
+        let Some(middle) = renderer.optics.middle(px, py) else { return [0.0; 3] };
         let (r, centre) = (self.view.r, self.view.centre);
 
-        // Ray differentials: normalised coordinates per pixel, then directions, then floor coordinates.
-        let k = &renderer.intrinsics;
-        let per_pixel = Matrix2::new(1.0 / k.fx, -k.skew / (k.fx * k.fy), 0.0, 1.0 / k.fy);
-        let ideal_from_distorted = if renderer.distortion.is_none() {
-            Matrix2::identity()
-        } else {
-            match renderer.distortion.distort_jacobian(&middle).try_inverse() {
-                Some(inverse) => inverse,
-                None => return [0.0; 3],
-            }
-        };
-        let slope = LensSlope { ideal_from_distorted, ideal_from_pixel: ideal_from_distorted * per_pixel };
-        let ray = Vector3::new(middle.x, middle.y, 1.0);
-        let direction = r * ray;
-        let across = |j: usize| r * slope.ideal_from_pixel.column(j).push(0.0);
-        let steps = [across(0), across(1)];
-        let angle = steps[0].norm().max(steps[1].norm()) / ray.norm();
+        // Ray differentials: directions per pixel, then floor coordinates.
+        let direction = r * middle.ray;
+        let steps = middle.per_pixel.map(|step| r * step);
+        let angle = steps[0].norm().max(steps[1].norm()) / middle.ray.norm();
 
         let n = renderer.strata;
         let (mut nx, mut ny) = (n, n);
@@ -336,20 +288,20 @@ impl<'a> Shader<'a> {
         let turn = [unit(rehash(pixel_hash ^ 1)), unit(rehash(pixel_hash ^ 2))];
         let mut sum = [0.0_f32; 3];
         let (inv_x, inv_y) = (1.0 / f64::from(nx), 1.0 / f64::from(ny));
-        let distorted = !renderer.distortion.is_none();
+        let straight = renderer.optics.is_straight();
         for sy in 0..ny {
             for sx in 0..nx {
                 let index = sy * nx + sx;
                 let h = rehash(pixel_hash.wrapping_add(index.wrapping_mul(0x632b_e5ab)));
                 let dx = (f64::from(sx) + f64::from(h & 0xffff) / 65536.0) * inv_x - 0.5;
                 let dy = (f64::from(sy) + f64::from(h >> 16) / 65536.0) * inv_y - 0.5;
-                let d = if distorted {
-                    match self.ideal_near(&middle, &slope, [px, py], [dx, dy]) {
-                        Some(p) => r * Vector3::new(p.x, p.y, 1.0),
+                let d = if straight {
+                    direction + steps[0] * dx + steps[1] * dy
+                } else {
+                    match renderer.optics.near(&middle, [px, py], [dx, dy]) {
+                        Some(ray) => r * ray,
                         None => continue,
                     }
-                } else {
-                    direction + steps[0] * dx + steps[1] * dy
                 };
                 let sample = Sample { footprint, angle: angle * inv_x.max(inv_y), index, turn };
                 let c = self.radiance(&d, &sample);
@@ -390,7 +342,7 @@ impl<'a> Shader<'a> {
         self.hidden = self.hidden.min(0.9);
     }
 
-    /// Light along one ray; `d` has camera depth 1.
+    /// Light along one ray, whose direction is of any length.
     fn radiance(&self, d: &Vector3<f64>, sample: &Sample) -> Rgb {
         let renderer = self.renderer;
         let origin = &self.view.centre;
@@ -544,8 +496,13 @@ fn blurred(light: &[f32], size: ImageSize, sigma_px: f64) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::renderer::scene::{Camera, FloorBox, Group, TextureKind, View};
-    use nalgebra::Matrix3;
+    use crate::renderer::scene::{Camera, FloorBox, Group, SceneLens, TextureKind, View};
+    use nalgebra::{Matrix3, Vector2};
+
+    fn fisheye(f_px: f64) -> Camera {
+        let parameters = [("k1".to_string(), 0.02), ("k2".to_string(), -0.005)].into();
+        Camera { lens: Some(SceneLens { model: "fisheye".into(), parameters }), ..Camera::centred([160, 120], f_px) }
+    }
 
     fn view(file: &str, yaw_deg: f64, centre_m: [f64; 3]) -> View {
         View { file: file.into(), yaw_deg, centre_m, pitch_error_deg: 0.0, roll_error_deg: 0.0, exposure: 1.0 }
@@ -581,11 +538,8 @@ mod tests {
 
     /// Maps a distorted pixel of view a to the distorted pixel of view b by the floor's homography.
     fn transfer(scene: &Scene, h: &Matrix3<f64>, p: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let (k, d) = (scene.camera.intrinsics(), scene.camera.distortion());
-        let ideal = d.undistort_pixel(&k, p)?;
-        let q = h * Vector3::new(ideal.x, ideal.y, 1.0);
-        let q = k.normalised_from_pixel(&Vector2::new(q.x / q.z, q.y / q.z));
-        Some(k.pixel_from_normalised(&d.distort(&q)))
+        let (camera, k) = (scene.camera.model(), scene.camera.intrinsics());
+        camera.project(&(k.inverse_matrix() * (h * (k.matrix() * camera.unproject(p)?))))
     }
 
     /// Median correlation of patches, and mean and root mean square of their shift from the truth in pixels.
@@ -630,7 +584,7 @@ mod tests {
         let plain = Camera::centred([200, 150], 190.0);
         let skewed = Camera { fy: Some(196.0), cx: Some(105.0), cy: Some(71.0), skew: 2.0, ..plain.clone() };
         let wide = Camera { k1: -0.25, k2: 0.05, p1: 2e-3, p2: -3e-3, ..plain.clone() };
-        for (camera, roll) in [(plain, 0.0), (skewed, 30.0), (wide, -20.0)] {
+        for (camera, roll) in [(plain, 0.0), (skewed, 30.0), (wide, -20.0), (fisheye(95.0), 5.0)] {
             let mut scene = two_views(camera, roll);
             scene.floor.scale_m = Some(0.14);
             scene.sensor.samples_per_pixel = 9;
@@ -667,6 +621,8 @@ mod tests {
         for (camera, roll) in [
             (Camera::centred([160, 120], 150.0), 25.0),
             (Camera { k1: -0.3, k2: 0.08, p1: 1e-3, ..Camera::centred([160, 120], 120.0) }, -40.0),
+            // More than 180 degrees from corner to corner.
+            (fisheye(60.0), 10.0),
         ] {
             let mut scene = two_views(camera, roll);
             scene.floor.contrast = 0.0;
@@ -738,6 +694,26 @@ mod tests {
         // Rounding to 8 bits adds 1/12; 40000 samples give the deviation to 0.4 %.
         assert!((middle - 127.5).abs() < 0.5, "{middle}");
         assert!((deviation / (9.0_f64 + 1.0 / 12.0).sqrt() - 1.0).abs() < 0.02, "{deviation}");
+    }
+
+    #[test]
+    fn a_wide_lens_sees_the_horizon_all_round() {
+        // Straight down, 200 degrees over the height: floor in the middle, sky at the border on every side.
+        let mut scene = two_views(Camera { image_size: [120, 120], ..fisheye(33.0) }, 0.0);
+        scene.groups[0].pitch_down_deg = 90.0;
+        scene.floor.contrast = 0.0;
+        scene.sensor.noise_sigma_gl = 0.0;
+        let picture = render_view(&scene, 0).unwrap();
+        let blue_less_red = |x: usize, y: usize| {
+            let i = 3 * (y * 120 + x);
+            i32::from(picture.data[i + 2]) - i32::from(picture.data[i])
+        };
+        for (x, y) in [(60, 1), (60, 118), (1, 60), (118, 60)] {
+            assert!(blue_less_red(x, y) > blue_less_red(60, 60) + 10, "{x} {y}");
+        }
+        for (x, y) in [(60, 12), (60, 107), (12, 60), (107, 60)] {
+            assert!((blue_less_red(x, y) - blue_less_red(60, 60)).abs() < 5, "{x} {y}");
+        }
     }
 
     #[test]

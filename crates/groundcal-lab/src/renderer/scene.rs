@@ -4,18 +4,21 @@
 //! The floor is the plane Z = 0 of a world with Z up; a view sees world point X at
 //!
 //! ```text
-//! x ~ distort(K A_g Rz(-yaw) [I | -c] X)
+//! x ~ K lens(A_g Rz(-yaw) [I | -c] X)
 //! ```
 //!
 //! with `A_g` the attitude of the view's group; [`groundcal::geometry::attitude`] gives the signs of all angles.
+
+use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::renderer::noise;
 use groundcal::geometry::attitude::rotation_cam_from_world;
-use groundcal::geometry::distortion::Distortion;
+use groundcal::geometry::camera;
 use groundcal::geometry::intrinsics::Intrinsics;
+use groundcal::geometry::lens::{Lens, Radtan};
 use groundcal::geometry::size::ImageSize;
 
 /// Why a scene cannot be rendered.
@@ -84,7 +87,7 @@ fn default_seed() -> u64 {
     1
 }
 
-/// The camera. See [`Intrinsics`] and [`Distortion`] for what the numbers mean.
+/// The camera. See [`Intrinsics`] and [`Lens`] for what the numbers mean.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -116,12 +119,32 @@ pub struct Camera {
     /// Tangential distortion. Default 0.
     #[serde(default)]
     pub p2: f64,
+    /// A lens of another model (`[camera.lens]` in a scene file), instead of k1, k2, p1, p2.
+    #[serde(default)]
+    pub lens: Option<SceneLens>,
+}
+
+/// A lens by the name of its model and of its parameters.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SceneLens {
+    /// `none`, `radtan` (k1, k2, p1, p2, k3), `division` (lambda) or `fisheye` (k1, k2, k3, k4).
+    pub model: String,
+    /// The parameters; those left out are zero.
+    #[serde(flatten)]
+    pub parameters: BTreeMap<String, f64>,
+}
+
+impl SceneLens {
+    fn lens(&self) -> Result<Lens, String> {
+        Lens::from_named(&self.model, self.parameters.iter().map(|(name, value)| (name.as_str(), *value)))
+    }
 }
 
 impl Camera {
     /// A camera of square pixels with its principal point in the centre and no distortion.
     pub fn centred(image_size: [usize; 2], f_px: f64) -> Self {
-        Self { image_size, fx: f_px, fy: None, cx: None, cy: None, skew: 0.0, k1: 0.0, k2: 0.0, p1: 0.0, p2: 0.0 }
+        let (k1, k2, p1, p2) = (0.0, 0.0, 0.0, 0.0);
+        Self { image_size, fx: f_px, fy: None, cx: None, cy: None, skew: 0.0, k1, k2, p1, p2, lens: None }
     }
 
     /// Width and height.
@@ -141,9 +164,17 @@ impl Camera {
         }
     }
 
-    /// The lens distortion.
-    pub fn distortion(&self) -> Distortion {
-        Distortion { k1: self.k1, k2: self.k2, p1: self.p1, p2: self.p2 }
+    /// The lens; none where [`Scene::validate`] refuses what is written.
+    pub fn lens(&self) -> Lens {
+        match &self.lens {
+            None => Lens::Radtan(Radtan::new([self.k1, self.k2, self.p1, self.p2, 0.0])),
+            Some(named) => named.lens().unwrap_or_default(),
+        }
+    }
+
+    /// Size, camera matrix and lens.
+    pub fn model(&self) -> camera::Camera {
+        camera::Camera { size: self.size(), intrinsics: self.intrinsics(), lens: self.lens() }
     }
 }
 
@@ -433,13 +464,12 @@ impl Scene {
         Ok(ViewPose { group, r_cam_from_world: r, centre_m: Vector3::from(view.centre_m) })
     }
 
-    /// The pixel (distorted, as in the picture) at which view `index` sees a world point in metres; `None` behind the camera.
+    /// The pixel (distorted, as in the picture) at which view `index` sees a world point in metres; `None` where its lens does
+    /// not see it, as behind most cameras.
     pub fn pixel_from_world(&self, index: usize, point_m: &Vector3<f64>) -> Result<Option<Vector2<f64>>, SceneError> {
         let pose = self.pose(index)?;
         let p = pose.r_cam_from_world * (point_m - pose.centre_m);
-        let ideal = Vector2::new(p.x / p.z, p.y / p.z);
-        let pixel = self.camera.intrinsics().pixel_from_normalised(&self.camera.distortion().distort(&ideal));
-        Ok((p.z > 0.0).then_some(pixel))
+        Ok(self.camera.model().project(&p))
     }
 
     /// The homography from undistorted pixels of view `a` to undistorted pixels of view `b` that the floor induces, with
@@ -463,7 +493,6 @@ impl Scene {
     /// The truth to score a calibration of the rendered pictures with.
     pub fn truth(&self) -> Truth {
         let k = self.camera.intrinsics();
-        let d = self.camera.distortion();
         let views = self.views().map(|(group, view)| TruthView {
             file: view.file.clone(),
             attitude_group: group,
@@ -479,13 +508,7 @@ impl Scene {
             cx: k.cx,
             cy: k.cy,
             skew: k.skew,
-            distortion: TruthDistortion {
-                model: if d.is_none() { "none" } else { "radtan" }.to_owned(),
-                k1: d.k1,
-                k2: d.k2,
-                p1: d.p1,
-                p2: d.p2,
-            },
+            distortion: self.camera.lens(),
             pixel_centre: "(0,0) is the centre of the top-left pixel".to_owned(),
             kind: "rendered".to_owned(),
             views: views.collect(),
@@ -556,6 +579,14 @@ impl Scene {
         }
         for (name, value) in [("k1", c.k1), ("k2", c.k2), ("p1", c.p1), ("p2", c.p2)] {
             finite(&format!("camera.{name}"), value)?;
+        }
+        if let Some(lens) = &c.lens {
+            let rule =
+                "must be none, radtan (k1, k2, p1, p2, k3), division (lambda) or fisheye (k1, k2, k3, k4), finite";
+            lens.lens().map_err(|_| invalid("camera.lens", lens, rule))?;
+            if [c.k1, c.k2, c.p1, c.p2] != [0.0; 4] {
+                return Err(invalid("camera.lens", lens, "must not stand beside k1, k2, p1, p2 of the camera"));
+            }
         }
 
         let f = &self.floor;
@@ -694,32 +725,13 @@ pub struct Truth {
     /// Skew in pixels.
     pub skew: f64,
     /// Lens distortion.
-    pub distortion: TruthDistortion,
+    pub distortion: Lens,
     /// Where pixel (0, 0) is.
     pub pixel_centre: String,
     /// How the pictures came about.
     pub kind: String,
     /// The views, in order.
     pub views: Vec<TruthView>,
-}
-
-/// The lens distortion of a [`Truth`].
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TruthDistortion {
-    /// "none" or "radtan" (see [`groundcal::geometry::distortion`]).
-    pub model: String,
-    /// Radial, second order.
-    #[serde(default)]
-    pub k1: f64,
-    /// Radial, fourth order.
-    #[serde(default)]
-    pub k2: f64,
-    /// Tangential.
-    #[serde(default)]
-    pub p1: f64,
-    /// Tangential.
-    #[serde(default)]
-    pub p2: f64,
 }
 
 /// One view of a [`Truth`].
@@ -783,6 +795,11 @@ mod tests {
         assert!(message(&|s| s.floor.colour = Some([0.2, 1.2, 0.0])).starts_with("floor.colour"));
         assert!(message(&|s| s.sensor.noise_sigma_gl = f64::NAN).starts_with("sensor.noise_sigma_gl = NaN"));
         assert!(message(&|s| s.groups.clear()).starts_with("group"));
+        let lens = |model: &str, name: &str| SceneLens { model: model.into(), parameters: [(name.into(), 0.1)].into() };
+        assert!(message(&|s| s.camera.lens = Some(lens("fisheye", "p1"))).starts_with("camera.lens"));
+        assert!(message(&|s| s.camera.lens = Some(lens("omni", "k1"))).contains("fisheye (k1, k2, k3, k4)"));
+        let beside = message(&|s| (s.camera.lens, s.camera.k1) = (Some(lens("fisheye", "k1")), 0.1));
+        assert!(beside.contains("beside"), "{beside}");
         assert_eq!(scene().pose(2), Err(SceneError::NoSuchView { index: 2, count: 2 }));
     }
 

@@ -1,6 +1,8 @@
 //! The simulation studies of the paper and three beside them.
 
+pub mod catalogue;
 pub mod figure4;
 pub mod radial;
+pub mod reports;
 pub mod subset;
 pub mod transfer;

@@ -1,7 +1,7 @@
 //! Bias and scatter of the one-parameter radial distortion (KZR 2.2) under noise: closed form, minimised with each homography, and
 //! minimised with all homographies of one lens.
 //!
-//! Scenes are those of [`super::study`] with points distorted by the division model, whose λ all methods estimate; the camera follows
+//! Scenes are those of [`super::figure4`] with points distorted by the division model, whose λ all methods estimate; the camera follows
 //! from the homographies by the linear method with zero skew.
 
 use nalgebra::Vector2;

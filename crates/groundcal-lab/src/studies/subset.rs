@@ -60,7 +60,7 @@ pub fn trial(size: usize, seed: u64, number: u64) -> Option<Trial> {
         .map(|p| {
             let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).ok()?;
             let geometry = from_homography(&h).ok()?;
-            Some(Motion { from: p.pair.from, to: p.pair.to, geometry, sides: Sides::One })
+            Some(Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: Sides::One })
         })
         .collect::<Option<_>>()?;
     let options = CameraOptions {

@@ -1,23 +1,23 @@
 //! `report.html`: one page, everything inside, that shows a calibration and what it was made from.
 //!
-//! [`model`] computes the numbers, [`pictures`] the images, [`sections`] draw them, [`svg`] has the pieces.
+//! `model` computes the numbers, `pictures` the images, `sections` draw them.
 
+mod markup;
 mod model;
 mod pictures;
 mod sections;
-mod svg;
 
-use std::fmt::Write;
+use groundcal::{remedy::Wording, result::Calibration, vision::image::GrayImage};
 
-use groundcal::{result::Calibration, vision::image::GrayImage};
-
-use crate::error::ReportError;
+use crate::{canvas::svg::escape, error::ReportError};
 use pictures::Pictures;
-use svg::escape;
 
 /// The page. `images` in the order of the calibration's evidence; none for matches from elsewhere.
-pub fn html(c: &Calibration, images: &[GrayImage]) -> Result<String, ReportError> {
-    let mut model = model::model(c);
+///
+/// # Errors
+/// An image without pixels; a fault in encoding a picture.
+pub fn page(c: &Calibration, images: &[GrayImage], wording: &dyn Wording) -> Result<String, ReportError> {
+    let mut model = model::model(c, wording);
     let pictures = if images.is_empty() {
         Pictures::default()
     } else {
@@ -25,23 +25,14 @@ pub fn html(c: &Calibration, images: &[GrayImage]) -> Result<String, ReportError
     };
     let data = serde_json::to_string(&model)
         .map_err(|e| ReportError(format!("cannot write the numbers of the report: {e}")))?;
-    let mut page = String::with_capacity(4 << 20);
-    // Writing to a string cannot fail.
-    let _ = write!(
-        page,
+    let (title, style, script) = (escape(&sections::title(c)), include_str!("page.css"), include_str!("page.js"));
+    let body = sections::body(c, &model, &pictures);
+    // No `</script>` may appear inside.
+    let data = data.replace('<', "\\u003c");
+    Ok(format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{}</title>\n<style>\n{}</style>\n</head>\n<body>\n",
-        escape(&sections::title(c)),
-        include_str!("page.css"),
-    );
-    sections::write(&mut page, c, &model, &pictures);
-    // No `</script>` may appear inside.
-    let _ = write!(
-        page,
-        "<script type=\"application/json\" id=\"groundcal-data\">{}</script>\n<script>\n{}</script>\n</body>\n</html>\n",
-        data.replace('<', "\\u003c"),
-        include_str!("page.js"),
-    );
-    Ok(page)
+         <title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n{body}\
+         <script type=\"application/json\" id=\"groundcal-data\">{data}</script>\n<script>\n{script}</script>\n</body>\n</html>\n"
+    ))
 }

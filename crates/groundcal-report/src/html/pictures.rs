@@ -21,29 +21,29 @@ const THUMBNAILS: f64 = 14.0;
 const LEAST_THUMBNAIL_PX: f64 = 160.0;
 const QUALITY: u8 = 72;
 /// Overlays are made for so many motions.
-pub const OVERLAYS: usize = 16;
+pub(crate) const OVERLAYS: usize = 16;
 /// Coverage (of 255) from which on a pixel of an overlay counts as seen.
 const SEEN: u8 = 250;
 
 /// A picture ready for the page.
-pub struct Picture {
+pub(crate) struct Picture {
     /// Pixels of the JPEG.
-    pub size: [usize; 2],
+    pub(crate) size: [usize; 2],
     /// `data:image/jpeg;base64,...`.
-    pub uri: String,
+    pub(crate) uri: String,
 }
 
 /// The pictures of the page.
 #[derive(Default)]
-pub struct Pictures {
+pub(crate) struct Pictures {
     /// One for each image, or none at all.
-    pub thumbnails: Vec<Picture>,
+    pub(crate) thumbnails: Vec<Picture>,
     /// For each motion both images on the floor, where they were made.
-    pub overlays: Vec<Option<[Picture; 2]>>,
+    pub(crate) overlays: Vec<Option<[Picture; 2]>>,
 }
 
 /// Makes the pictures and notes in the motions how well the overlays fit.
-pub fn pictures(images: &[GrayImage], e: &Evidence, motions: &mut [Motion]) -> Result<Pictures, ReportError> {
+pub(crate) fn pictures(images: &[GrayImage], e: &Evidence, motions: &mut [Motion]) -> Result<Pictures, ReportError> {
     let pyramids: Vec<Pyramid> = images.par_iter().map(pyramid).collect::<Result<_, _>>()?;
     let shrink = (THUMBNAILS / images.len().max(1) as f64).sqrt().min(1.0);
     let side = (THUMBNAIL_PX * shrink).max(LEAST_THUMBNAIL_PX);

@@ -174,7 +174,7 @@ fn weight_of(sample: &Sample, size: ImageSize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{distortion::Distortion, intrinsics::Intrinsics, plane_view::View};
+    use crate::geometry::{intrinsics::Intrinsics, lens::Lens, plane_view::View};
     use nalgebra::Vector3;
 
     /// Brightness of a pattern on the floor.
@@ -184,9 +184,9 @@ mod tests {
 
     fn shot(yaw: f64, centre: [f64; 3]) -> (FloorView, Pyramid) {
         let k = Intrinsics::square(300.0, 160.0, 118.0);
-        let lens = Distortion::radial(-0.1, 0.01);
+        let lens = Lens::radial(-0.1, 0.01);
         let view = View { pitch_down_rad: 0.9, roll_rad: 0.1, yaw_rad: yaw, centre: Vector3::from(centre) };
-        let floor = FloorView::new(&k, &lens, &view).unwrap();
+        let floor = FloorView::new(&k, lens, &view).unwrap();
         let data = (0..320 * 240)
             .map(|i| {
                 let at = floor.floor_from_pixel(&Vector2::new((i % 320) as f64, (i / 320) as f64)).unwrap();

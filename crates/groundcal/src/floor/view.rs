@@ -15,27 +15,31 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector2, Vector3};
 
 use crate::{
     error::Error,
+    floor::outline::{border, clipped, convex_hull},
     geometry::{
         attitude::{angles_from_rotation, rotation_cam_from_world},
-        distortion::Distortion,
+        camera::INTRINSIC_NAMES,
         intrinsics::Intrinsics,
+        lens::Lens,
         plane_view::View,
         size::ImageSize,
     },
     refine::VIEW_NUMBERS,
-    result::{Camera, ViewReport},
+    result::{Camera, FloorHomography, ViewReport},
 };
 
 /// Sides of the polygon that stands for the circle of the largest distance.
 const CIRCLE_SIDES: usize = 128;
 /// Points on each side of the image whose rays make the outline of the floor seen.
 const BORDER_POINTS: usize = 48;
+/// Points of each kind, on a side and round a circle, that make the hull of what a wide lens sees.
+const HULL_POINTS: usize = 512;
 
 /// A camera over the floor, ready to map points both ways.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FloorView {
     intrinsics: Intrinsics,
-    distortion: Distortion,
+    lens: Lens,
     rotation: Matrix3<f64>,
     centre: Vector3<f64>,
 }
@@ -45,11 +49,11 @@ impl FloorView {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] when a number is not finite or the optical centre is not above the floor.
-    pub fn new(intrinsics: &Intrinsics, distortion: &Distortion, view: &View) -> Result<Self, Error> {
-        let k = intrinsics;
+    pub fn new(intrinsics: &Intrinsics, lens: impl Into<Lens>, view: &View) -> Result<Self, Error> {
+        let (k, lens) = (intrinsics, lens.into());
         let finite = k.matrix().iter().chain(view.centre.iter()).all(|v| v.is_finite())
             && [view.pitch_down_rad, view.roll_rad, view.yaw_rad].iter().all(|v| v.is_finite())
-            && [distortion.k1, distortion.k2, distortion.p1, distortion.p2].iter().all(|v| v.is_finite());
+            && lens.parameters().iter().all(|v| v.is_finite());
         if !finite || k.fx <= 0.0 || k.fy <= 0.0 {
             return Err(Error::InvalidInput(
                 "a view's camera and pose must be finite, its focal lengths positive".into(),
@@ -63,10 +67,23 @@ impl FloorView {
         }
         Ok(Self {
             intrinsics: *k,
-            distortion: *distortion,
+            lens,
             rotation: rotation_cam_from_world(view.pitch_down_rad, view.roll_rad, view.yaw_rad),
             centre: view.centre,
         })
+    }
+
+    /// Points of the floor from ideal pixels, with the covariance that follows from that of the camera and the view: of fx, fy, cx, cy,
+    /// skew (pixels), k1, k2, pitch, roll, yaw (radians), x, y and height.
+    pub fn homography_with_covariance(&self, covariance: &SMatrix<f64, VIEW_NUMBERS, VIEW_NUMBERS>) -> FloorHomography {
+        let by = self
+            .derivative_by_numbers(|v| SVector::<f64, 9>::from_row_slice(v.floor_from_image().transpose().as_slice()));
+        let h = self.floor_from_image();
+        let c = by * covariance * by.transpose();
+        FloorHomography {
+            matrix: std::array::from_fn(|r| std::array::from_fn(|c| h[(r, c)])),
+            covariance: std::array::from_fn(|r| std::array::from_fn(|s| 0.5 * (c[(r, s)] + c[(s, r)]))),
+        }
     }
 
     /// A view of a calibration, in the floor's unit of its positions.
@@ -83,7 +100,7 @@ impl FloorView {
             yaw_rad: view.yaw_deg.to_radians(),
             centre: Vector3::from(position),
         };
-        Self::new(&camera.intrinsics(), &camera.lens(), &pose)
+        Self::new(&camera.intrinsics(), camera.lens(), &pose)
     }
 
     /// The camera matrix.
@@ -92,8 +109,8 @@ impl FloorView {
     }
 
     /// The lens.
-    pub fn distortion(&self) -> &Distortion {
-        &self.distortion
+    pub fn lens(&self) -> &Lens {
+        &self.lens
     }
 
     /// Optical centre: x, y, height.
@@ -137,37 +154,46 @@ impl FloorView {
         Matrix3::new(c.z, 0.0, -c.x, 0.0, c.z, -c.y, 0.0, 0.0, -1.0) * self.rotation.transpose()
     }
 
-    /// The pixel at which a point of the floor is seen; `None` behind the camera or beyond the lens's fold. It may lie outside the
-    /// image.
+    /// The pixel at which a point of the floor is seen; `None` where the lens model describes none: beyond its fold, or behind a
+    /// camera whose lens does not see there. It may lie outside the image.
     pub fn pixel_from_floor(&self, point: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let x = self.rotation * (Vector3::new(point.x, point.y, 0.0) - self.centre);
-        if x.z <= 1e-9 * x.norm() {
-            return None;
-        }
-        let n = Vector2::new(x.x / x.z, x.y / x.z);
-        self.distortion
-            .is_one_to_one_at(&n)
-            .then(|| self.intrinsics.pixel_from_normalised(&self.distortion.distort(&n)))
+        self.pixel_from_ray(&(self.rotation * (Vector3::new(point.x, point.y, 0.0) - self.centre)))
     }
 
-    /// The point of the floor seen at a pixel; `None` at or above the horizon, or where the lens model folds over.
+    fn pixel_from_ray(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
+        self.lens.project(ray).map(|d| self.intrinsics.pixel_from_normalised(&d))
+    }
+
+    /// The point of the floor seen at a pixel; `None` at or above the horizon, or where the lens model gives no ray.
     pub fn floor_from_pixel(&self, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let q = self.floor_from_ray() * self.ray(pixel)?;
+        self.floor_along(&self.ray(pixel)?)
+    }
+
+    /// The point of the floor along a ray in camera coordinates; `None` at or above the horizon.
+    fn floor_along(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
+        let q = self.floor_from_ray() * ray;
         (q.z > 1e-12 * q.norm()).then(|| Vector2::new(q.x / q.z, q.y / q.z))
     }
 
-    /// The ray (z = 1) of a pixel in camera coordinates.
+    /// The ray (unit length) of a pixel in camera coordinates.
     fn ray(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
-        let n = self.distortion.undistort(&self.intrinsics.normalised_from_pixel(pixel))?;
-        Some(Vector3::new(n.x, n.y, 1.0))
+        self.lens.unproject(&self.intrinsics.normalised_from_pixel(pixel))
     }
 
     /// Outline of the floor within `max_distance` of [`Self::foot`] (floor units) that an image of a size sees: corners in order
-    /// round it, not closed; empty when it sees none. Clipped in homogeneous coordinates, so that the horizon needs no care: the
-    /// half planes that make the circle leave nothing of it.
+    /// round it, not closed; empty when it sees none. With a lens that sees behind the camera, the convex hull of that.
     pub fn seen_floor(&self, size: ImageSize, max_distance: f64) -> Vec<Vector2<f64>> {
+        match self.lens {
+            Lens::None | Lens::Radtan(_) => self.seen_in_front(size, max_distance),
+            _ => self.hull_of_seen(size, max_distance),
+        }
+    }
+
+    /// Clipped in homogeneous coordinates, so that the horizon needs no care: the half planes that make the circle leave nothing of
+    /// it.
+    fn seen_in_front(&self, size: ImageSize, max_distance: f64) -> Vec<Vector2<f64>> {
         let floor_from_ray = self.floor_from_ray();
-        let outline = border(size);
+        let outline = border(size, BORDER_POINTS);
         let mut polygon: Vec<Vector3<f64>> =
             outline.iter().filter_map(|p| self.ray(p)).map(|r| floor_from_ray * r).collect();
         let foot = self.foot();
@@ -178,6 +204,28 @@ impl FloorView {
             polygon = clipped(&polygon, &side);
         }
         polygon.iter().filter(|q| q.z > 0.0).map(|q| Vector2::new(q.x / q.z, q.y / q.z)).collect()
+    }
+
+    /// What is seen ends at the image's border, at the lens's largest angle or at the circle.
+    fn hull_of_seen(&self, size: ImageSize, max_distance: f64) -> Vec<Vector2<f64>> {
+        let foot = self.foot();
+        let (w, h) = (size.width as f64, size.height as f64);
+        let inside = |p: &Vector2<f64>| p.x >= -0.5 && p.y >= -0.5 && p.x <= w - 0.5 && p.y <= h - 0.5;
+        let turn = |i: usize| (std::f64::consts::TAU * i as f64 / HULL_POINTS as f64).sin_cos();
+        let at_border = border(size, HULL_POINTS).into_iter().filter_map(|p| self.floor_from_pixel(&p));
+        let edge = self.lens.max_angle_rad() * (1.0 - 1e-6);
+        let at_edge = (0..HULL_POINTS).filter_map(|i| {
+            let (sin, cos) = turn(i);
+            let ray = Vector3::new(cos * edge.sin(), sin * edge.sin(), edge.cos());
+            self.pixel_from_ray(&ray).filter(inside).and_then(|_| self.floor_along(&ray))
+        });
+        let circle = (0..HULL_POINTS).map(|i| {
+            let (sin, cos) = turn(i);
+            foot + Vector2::new(cos, sin) * max_distance
+        });
+        let on_circle = circle.filter(|p| self.pixel_from_floor(p).is_some_and(|p| inside(&p)));
+        let near = |p: &Vector2<f64>| (p - foot).norm() <= max_distance * (1.0 + 1e-9);
+        convex_hull(at_border.chain(at_edge).filter(near).chain(on_circle).collect())
     }
 }
 
@@ -192,9 +240,19 @@ impl FloorView {
         value: impl Fn(&Self) -> SVector<f64, N>,
     ) -> SMatrix<f64, N, VIEW_NUMBERS> {
         let (pitch, roll, yaw) = angles_from_rotation(&self.rotation);
+        // A lens without distortion bends with k1 and k2 all the same.
+        let lens = if self.lens == Lens::None { Lens::radial(0.0, 0.0) } else { self.lens };
+        let bent = |name: &str, step: f64| {
+            let mut parameters = lens.parameters();
+            let at = lens.parameter_names().iter().position(|n| *n == name);
+            if let Some(p) = at.and_then(|i| parameters.get_mut(i)) {
+                *p += step;
+            }
+            lens.with_parameters(&parameters).unwrap_or(lens)
+        };
         let moved = |i: usize, step: f64| {
             let mut m = self.clone();
-            let (k, d) = (&mut m.intrinsics, &mut m.distortion);
+            let k = &mut m.intrinsics;
             let mut angles = [pitch, roll, yaw];
             match i {
                 0 => k.fx += step,
@@ -202,8 +260,8 @@ impl FloorView {
                 2 => k.cx += step,
                 3 => k.cy += step,
                 4 => k.skew += step,
-                5 => d.k1 += step,
-                6 => d.k2 += step,
+                5 => m.lens = bent("k1", step),
+                6 => m.lens = bent("k2", step),
                 7..=9 => angles[i - 7] += step,
                 _ => m.centre[i - 10] += step,
             }
@@ -214,7 +272,7 @@ impl FloorView {
         };
         let mut by = SMatrix::<f64, N, VIEW_NUMBERS>::zeros();
         for i in 0..VIEW_NUMBERS {
-            let h = if i < 5 { STEP * self.intrinsics.fx } else { STEP };
+            let h = if i < INTRINSIC_NAMES.len() { STEP * self.intrinsics.fx } else { STEP };
             by.set_column(i, &((moved(i, h) - moved(i, -h)) / (2.0 * h)));
         }
         by
@@ -229,34 +287,6 @@ impl FloorView {
         let by = self.derivative_by_numbers(|v| v.floor_from_pixel(pixel).unwrap_or(nowhere));
         by.iter().all(|v| v.is_finite()).then_some(by)
     }
-}
-
-/// The image's outline: the outer edges of its pixels, clockwise as shown.
-fn border(size: ImageSize) -> Vec<Vector2<f64>> {
-    let (w, h) = (size.width as f64, size.height as f64);
-    let corners = [(0.0, 0.0), (w, 0.0), (w, h), (0.0, h)].map(|(x, y)| Vector2::new(x - 0.5, y - 0.5));
-    (0..4)
-        .flat_map(|i| {
-            let (a, b) = (corners[i], corners[(i + 1) % 4]);
-            (0..BORDER_POINTS).map(move |k| a + (b - a) * (k as f64 / BORDER_POINTS as f64))
-        })
-        .collect()
-}
-
-/// What of a polygon in homogeneous coordinates lies where `side · q >= 0` (Sutherland and Hodgman 1974).
-fn clipped(polygon: &[Vector3<f64>], side: &Vector3<f64>) -> Vec<Vector3<f64>> {
-    let mut kept = Vec::with_capacity(polygon.len() + 2);
-    for (i, q) in polygon.iter().enumerate() {
-        let next = &polygon[(i + 1) % polygon.len()];
-        let (a, b) = (side.dot(q), side.dot(next));
-        if a >= 0.0 {
-            kept.push(*q);
-        }
-        if (a >= 0.0) != (b >= 0.0) {
-            kept.push(q + (next - q) * (a / (a - b)));
-        }
-    }
-    kept
 }
 
 /// A raster on the floor, as on a map: columns along [`FloorGrid::right`], rows a quarter turn clockwise of it seen from above.
@@ -323,13 +353,16 @@ impl FloorGrid {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::plane_view::project;
+    use crate::geometry::{
+        lens::{Division, Fisheye, Radtan},
+        plane_view::project,
+    };
 
     fn example() -> (FloorView, View, Intrinsics) {
         let k = Intrinsics { fx: 700.0, fy: 710.0, cx: 400.0, cy: 310.0, skew: 1.0 };
         let view = View { pitch_down_rad: 0.5, roll_rad: 0.2, yaw_rad: -2.0, centre: Vector3::new(0.3, -0.7, 1.2) };
-        let lens = Distortion { k1: -0.15, k2: 0.03, p1: 1e-3, p2: -5e-4 };
-        (FloorView::new(&k, &lens, &view).unwrap(), view, k)
+        let lens = Lens::Radtan(Radtan::new([-0.15, 0.03, 1e-3, -5e-4, 0.0]));
+        (FloorView::new(&k, lens, &view).unwrap(), view, k)
     }
 
     #[test]
@@ -374,7 +407,46 @@ mod tests {
         // Looking up, nothing of the floor is seen.
         let (_, view, k) = example();
         let up = View { pitch_down_rad: -1.2, ..view };
-        assert!(FloorView::new(&k, &Distortion::default(), &up).unwrap().seen_floor(size, far).is_empty());
+        assert!(FloorView::new(&k, Lens::None, &up).unwrap().seen_floor(size, far).is_empty());
+    }
+
+    #[test]
+    fn a_lens_that_sees_behind_the_camera_sees_the_floor_there() {
+        // 200 degrees across, straight down and tilted; the image circle fits into the height.
+        let size = ImageSize::new(900, 700);
+        let k = Intrinsics::square(190.0, 449.5, 349.5);
+        for lens in [Lens::Fisheye(Fisheye::new([0.02, -0.005, 0.0, 0.0])), Lens::Division(Division::new(-0.4))] {
+            for pitch in [90f64, 50.0] {
+                let view = View {
+                    pitch_down_rad: pitch.to_radians(),
+                    roll_rad: 0.1,
+                    yaw_rad: 0.3,
+                    centre: Vector3::new(1.0, 2.0, 1.5),
+                };
+                let floor = FloorView::new(&k, lens, &view).unwrap();
+                let far = 8.0;
+                let outline = floor.seen_floor(size, far);
+                let inside = |p: &Vector2<f64>| p.x > -0.5 && p.y > -0.5 && p.x < 899.5 && p.y < 699.5;
+                // Whatever is seen within the distance lies in the outline.
+                let area = |a: &Vector2<f64>, b: &Vector2<f64>, p: &Vector2<f64>| (b - a).perp(&(p - a));
+                let mut seen = 0;
+                for i in 0..40 {
+                    for j in 0..60 {
+                        let (sin, cos) = (f64::from(j) * 0.1047).sin_cos();
+                        let p = floor.foot() + Vector2::new(cos, sin) * (far * 0.99 * f64::from(i) / 39.0);
+                        let Some(pixel) = floor.pixel_from_floor(&p).filter(inside) else { continue };
+                        seen += 1;
+                        assert!((floor.floor_from_pixel(&pixel).unwrap() - p).norm() < 1e-8 * (1.0 + p.norm()), "{p}");
+                        let left = (0..outline.len())
+                            .all(|c| area(&outline[c], &outline[(c + 1) % outline.len()], &p) > -1e-2);
+                        assert!(left, "{lens:?} {pitch} {p}");
+                    }
+                }
+                assert!(seen > 1500, "{lens:?} {pitch}: {seen}");
+                let behind = floor.foot() - floor.heading() * 2.0;
+                assert!(floor.pixel_from_floor(&behind).is_some_and(|p| inside(&p)), "{lens:?} {pitch}");
+            }
+        }
     }
 
     #[test]

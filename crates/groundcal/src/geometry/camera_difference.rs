@@ -4,20 +4,20 @@
 //! of the camera. What matters is what no rotation takes away:
 //!
 //! ```text
-//! d_i(R) = pixel_b(R ray_a(u_i)) - u_i,      min over R of Σ w_i |d_i(R)|²
+//! d_i(R) = project_b(R unproject_a(u_i)) - u_i,      min over R of Σ w_i |d_i(R)|²
 //! ```
 //!
-//! over a grid of pixels u_i of the image (trapezoidal weights: the mean is that over the image's area). `ray` undoes the lens,
-//! `pixel` applies it ([`CameraModel`]). Depth and translation are left out: for a pose of six numbers the difference is at most this.
+//! over a grid of pixels u_i of the image (trapezoidal weights: the mean is that over the image's area), on rays of any direction
+//! ([`Camera`]). Depth and translation are left out: for a pose of six numbers the difference is at most this.
 //!
 //! Whether two sets of parameters differ by more than their errors is told by the squared Mahalanobis distance dᵀ (C_a + C_b)⁻¹ d,
 //! chi-squared distributed if the two are independent.
 
-use nalgebra::{DMatrix, DVector, Matrix2x3, Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, UnitQuaternion, Vector2, Vector3};
 
 use crate::{
     error::Error,
-    geometry::camera_model::CameraModel,
+    geometry::{camera::Camera, size::ImageSize},
     numerics::{
         levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, minimise},
         linalg::{cross_matrix, inverse_spd},
@@ -66,21 +66,37 @@ pub struct CameraDifference {
     pub points: Vec<PixelDifference>,
 }
 
-/// Rays of the first camera, with the pixels they come from.
-struct Problem<'a> {
-    b: &'a CameraModel,
-    rays: Vec<(Vector3<f64>, Vector2<f64>, f64)>,
+/// A ray of the first camera, with the pixel it comes from and that pixel's part of the area.
+struct Ray {
+    ray: Vector3<f64>,
+    pixel: Vector2<f64>,
+    weight: f64,
 }
 
+/// Rays of the first camera, to be seen by the second.
+struct Problem<'a> {
+    b: &'a Camera,
+    rays: Vec<Ray>,
+}
+
+/// How far inside the largest angle of the lens model a ray beyond it is taken to be seen, relative.
+const INSIDE: f64 = 1.0 - 1e-9;
+
 impl Problem<'_> {
-    fn residual(&self, r: &Rotation3<f64>, i: usize) -> Option<Vector2<f64>> {
-        let (ray, pixel, _) = &self.rays[i];
-        let x = r * ray;
-        // The fold is not asked about here: the sum must run over the same points for every rotation.
-        (x.z > 1e-6 * x.norm()).then(|| {
-            let p = Vector2::new(x.x / x.z, x.y / x.z);
-            self.b.intrinsics.pixel_from_normalised(&self.b.distort(&p)) - pixel
-        })
+    /// The direction in the second camera's coordinates. The sum must run over the same points for every rotation: what is turned
+    /// out of the second lens stays at its edge.
+    fn turned(&self, r: &Rotation3<f64>, ray: &Ray) -> Vector3<f64> {
+        let x = r * ray.ray;
+        let (edge, off_axis) = (self.b.lens.max_angle_rad() * INSIDE, x.xy().norm());
+        if self.b.lens.max_radius().is_finite() && off_axis.atan2(x.z) > edge && off_axis > 0.0 {
+            let outward = x.xy() * (edge.sin() / off_axis);
+            return Vector3::new(outward.x, outward.y, edge.cos());
+        }
+        x
+    }
+
+    fn residual(&self, r: &Rotation3<f64>, ray: &Ray) -> Option<Vector2<f64>> {
+        self.b.project(&self.turned(r, ray)).map(|seen| seen - ray.pixel)
     }
 }
 
@@ -89,23 +105,19 @@ impl LeastSquares for Problem<'_> {
     type Linearised = NormalEquations;
 
     fn cost(&self, r: &Self::State) -> Option<f64> {
-        let terms = (0..self.rays.len()).map(|i| Some(0.5 * self.rays[i].2 * self.residual(r, i)?.norm_squared()));
-        terms.sum()
+        self.rays.iter().map(|ray| Some(0.5 * ray.weight * self.residual(r, ray)?.norm_squared())).sum()
     }
 
     fn linearise(&self, r: &Self::State) -> Option<NormalEquations> {
-        let k = &self.b.intrinsics;
-        let k = nalgebra::Matrix2::new(k.fx, k.skew, 0.0, k.fy);
         let mut normal = NormalEquations { cost: 0.0, gradient: DVector::zeros(3), information: DMatrix::zeros(3, 3) };
-        for (i, (ray, _, weight)) in self.rays.iter().enumerate() {
-            let residual = self.residual(r, i)?;
-            let x = r * ray;
-            let p = Vector2::new(x.x / x.z, x.y / x.z);
-            let perspective = Matrix2x3::new(1.0, 0.0, -p.x, 0.0, 1.0, -p.y) / x.z;
-            let jacobian = k * self.b.distort_jacobian(&p) * perspective * -cross_matrix(&x);
-            normal.cost += 0.5 * weight * residual.norm_squared();
-            normal.gradient += jacobian.transpose() * residual * *weight;
-            normal.information += jacobian.transpose() * jacobian * *weight;
+        for ray in &self.rays {
+            let x = self.turned(r, ray);
+            let seen = self.b.project_with_jacobians(&x)?;
+            let residual = seen.pixel - ray.pixel;
+            let jacobian = seen.by_point * -cross_matrix(&x);
+            normal.cost += 0.5 * ray.weight * residual.norm_squared();
+            normal.gradient += jacobian.transpose() * residual * ray.weight;
+            normal.information += jacobian.transpose() * jacobian * ray.weight;
         }
         Some(normal)
     }
@@ -117,36 +129,55 @@ impl LeastSquares for Problem<'_> {
     }
 }
 
+/// The points of the grid, row by row, differences yet unknown; and its numbers along x and y.
+fn grid_over(size: ImageSize) -> (Vec<PixelDifference>, [usize; 2]) {
+    let (width, height) = (size.width as f64 - 1.0, size.height as f64 - 1.0);
+    let longer = width.max(height).max(1.0);
+    let along = |side: f64| (((GRID - 1) as f64 * side / longer).round() as usize).max(2) + 1;
+    let grid = [along(width), along(height)];
+    let part = |i: usize, n: usize| i as f64 / (n - 1) as f64;
+    let half = |i: usize, n: usize| if i == 0 || i == n - 1 { 0.5 } else { 1.0 };
+    let points = (0..grid[1]).flat_map(|row| (0..grid[0]).map(move |column| (row, column)));
+    let points = points.map(|(row, column)| PixelDifference {
+        pixel: Vector2::new(width * part(column, grid[0]), height * part(row, grid[1])),
+        difference_px: None,
+        weight: half(column, grid[0]) * half(row, grid[1]),
+    });
+    (points.collect(), grid)
+}
+
+/// Root mean square and largest length, and where the largest is, of the differences that there are.
+fn lengths(points: &[PixelDifference]) -> (f64, f64, Vector2<f64>) {
+    let (mut squares, mut weights, mut largest) = (0.0, 0.0, (0.0, Vector2::zeros()));
+    for p in points {
+        let Some(d) = p.difference_px else { continue };
+        squares += p.weight * d.norm_squared();
+        weights += p.weight;
+        if d.norm() > largest.0 {
+            largest = (d.norm(), p.pixel);
+        }
+    }
+    ((squares / weights).sqrt(), largest.0, largest.1)
+}
+
 /// The difference of two cameras of one image size, after the best rotation. Pixels of `a` are compared with pixels of `b`.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] where the sizes differ, or fewer than 50 points of the grid are described by both lens models.
-pub fn camera_difference(a: &CameraModel, b: &CameraModel) -> Result<CameraDifference, Error> {
+pub fn camera_difference(a: &Camera, b: &Camera) -> Result<CameraDifference, Error> {
     if a.size != b.size {
         return Err(Error::InvalidInput(format!(
             "the cameras have images of {} and {} pixels; scale one to the size of the other",
             a.size, b.size
         )));
     }
-    let (width, height) = (a.size.width as f64 - 1.0, a.size.height as f64 - 1.0);
-    let longer = width.max(height).max(1.0);
-    let along = |side: f64| (((GRID - 1) as f64 * side / longer).round() as usize).max(2) + 1;
-    let grid = [along(width), along(height)];
-    let mut points = Vec::with_capacity(grid[0] * grid[1]);
+    let (mut points, grid) = grid_over(a.size);
     let mut problem = Problem { b, rays: Vec::new() };
     let mut known = Vec::new();
-    for row in 0..grid[1] {
-        for column in 0..grid[0] {
-            let part = |i: usize, n: usize| i as f64 / (n - 1) as f64;
-            let pixel = Vector2::new(width * part(column, grid[0]), height * part(row, grid[1]));
-            let half = |i: usize, n: usize| if i == 0 || i == n - 1 { 0.5 } else { 1.0 };
-            let weight = half(column, grid[0]) * half(row, grid[1]);
-            let ray = a.ray(&pixel).filter(|ray| b.pixel(ray).is_some());
-            if let Some(ray) = ray {
-                problem.rays.push((ray, pixel, weight));
-                known.push(points.len());
-            }
-            points.push(PixelDifference { pixel, difference_px: None, weight });
+    for (i, p) in points.iter().enumerate() {
+        if let Some(ray) = a.unproject(&p.pixel).filter(|ray| b.project(ray).is_some()) {
+            problem.rays.push(Ray { ray, pixel: p.pixel, weight: p.weight });
+            known.push(i);
         }
     }
     if known.len() < MIN_POINTS {
@@ -158,31 +189,26 @@ pub fn camera_difference(a: &CameraModel, b: &CameraModel) -> Result<CameraDiffe
         )));
     }
     let total: f64 = points.iter().map(|p| p.weight).sum();
-    let seen: f64 = problem.rays.iter().map(|r| r.2).sum();
+    let seen: f64 = problem.rays.iter().map(|r| r.weight).sum();
     let undefined = || Error::InvalidInput("the cameras' rays cannot be compared: check their parameters".into());
-    let length = |differences: &[Vector2<f64>]| {
-        let squares: f64 = differences.iter().zip(&problem.rays).map(|(d, r)| r.2 * d.norm_squared()).sum();
-        let longest =
-            differences.iter().map(Vector2::norm).enumerate().fold((0, 0.0), |m, d| if d.1 > m.1 { d } else { m });
-        ((squares / seen).sqrt(), longest)
-    };
-    let differences = |r: &Rotation3<f64>| -> Option<Vec<Vector2<f64>>> {
-        (0..problem.rays.len()).map(|i| problem.residual(r, i)).collect()
+    let mut measure = |r: &Rotation3<f64>| {
+        for (i, ray) in known.iter().zip(&problem.rays) {
+            // What the rotation takes beyond the second lens has no difference.
+            points[*i].difference_px = b.project(&(r * ray.ray)).map(|seen| seen - ray.pixel);
+        }
+        let lengths = lengths(&points);
+        lengths.0.is_finite().then_some(lengths).ok_or_else(undefined)
     };
     let start = Rotation3::identity();
-    let (rms_unrotated_px, (_, max_unrotated_px)) = length(&differences(&start).ok_or_else(undefined)?);
+    let (rms_unrotated_px, max_unrotated_px, _) = measure(&start)?;
     let best = minimise(&problem, start, &LmOptions::default()).ok_or_else(undefined)?.state;
-    let after = differences(&best).ok_or_else(undefined)?;
-    let (rms_px, (at, max_px)) = length(&after);
-    for (i, difference) in known.iter().zip(&after) {
-        points[*i].difference_px = Some(*difference);
-    }
+    let (rms_px, max_px, max_at_px) = measure(&best)?;
     Ok(CameraDifference {
         r_b_from_a: best.into_inner(),
         rotation_rad: best.angle(),
         rms_px,
         max_px,
-        max_at_px: problem.rays[at].1,
+        max_at_px,
         rms_unrotated_px,
         max_unrotated_px,
         compared: seen / total,
@@ -228,24 +254,26 @@ pub fn significance(difference: &DVector<f64>, covariance: &DMatrix<f64>) -> Opt
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize};
+    use crate::geometry::{
+        intrinsics::Intrinsics,
+        lens::{Division, Fisheye, Lens},
+    };
 
-    fn camera() -> CameraModel {
-        CameraModel {
+    fn camera() -> Camera {
+        Camera {
             size: ImageSize::new(1280, 960),
             intrinsics: Intrinsics { fx: 1000.0, fy: 1003.0, cx: 645.0, cy: 470.0, skew: 0.0 },
-            distortion: Distortion::radial(-0.2, 0.05),
-            k3: 0.0,
+            lens: Lens::radial(-0.2, 0.05),
         }
     }
 
     /// The least rms over rotations, by coordinate search with halving steps and no derivatives, on the grid of the result.
-    fn brute_force(a: &CameraModel, b: &CameraModel, points: &[PixelDifference]) -> f64 {
+    fn brute_force(a: &Camera, b: &Camera, points: &[PixelDifference]) -> f64 {
         let rms = |w: &Vector3<f64>| {
             let r = Rotation3::from_scaled_axis(*w);
             let (mut sum, mut weights) = (0.0, 0.0);
             for p in points {
-                let seen = b.pixel(&(r * a.ray(&p.pixel).unwrap())).unwrap();
+                let seen = b.project(&(r * a.unproject(&p.pixel).unwrap())).unwrap();
                 sum += p.weight * (seen - p.pixel).norm_squared();
                 weights += p.weight;
             }
@@ -293,11 +321,11 @@ mod tests {
     #[test]
     fn a_difference_of_k1_stays_and_grows_outwards() {
         let mut b = camera();
-        b.distortion.k1 += 0.01;
+        b.lens = Lens::radial(-0.19, 0.05);
         let d = camera_difference(&camera(), &b).unwrap();
         // The rotation can do little about it: at the far corner f dk1 r³ of the ideal radius.
-        let ray = camera().ray(&Vector2::new(0.0, 959.0)).unwrap();
-        let expected = 1000.0 * 0.01 * ray.xy().norm().powi(3);
+        let ray = camera().unproject(&Vector2::new(0.0, 959.0)).unwrap();
+        let expected = 1000.0 * 0.01 * (ray.xy() / ray.z).norm().powi(3);
         assert!((d.max_unrotated_px / expected - 1.0).abs() < 0.01, "{} {expected}", d.max_unrotated_px);
         assert!(
             d.rms_px <= d.rms_unrotated_px && d.rms_px > 0.9 * d.rms_unrotated_px,
@@ -324,12 +352,48 @@ mod tests {
         let small = camera().scaled_to(ImageSize::new(640, 480));
         let message = camera_difference(&camera(), &small).unwrap_err().to_string();
         assert!(message.contains("1280") && message.contains("640"), "{message}");
-        let folding = CameraModel { distortion: Distortion::radial(-60.0, 0.0), ..camera() };
+        let folding = Camera { lens: Lens::radial(-60.0, 0.0), ..camera() };
         assert!(camera_difference(&camera(), &folding).unwrap_err().to_string().contains("distortion"));
         // A lens model that reaches over part of the image is compared there.
-        let partly = CameraModel { distortion: Distortion::radial(-0.75, 0.0), ..camera() };
+        let partly = Camera { lens: Lens::radial(-0.75, 0.0), ..camera() };
         let compared = camera_difference(&camera(), &partly).unwrap().compared;
         assert!(compared > 0.4 && compared < 0.95, "{compared}");
+    }
+
+    /// Half a sphere and more: rays square to the axis lie inside the image.
+    fn wide(lens: Lens) -> Camera {
+        Camera { intrinsics: Intrinsics { fx: 385.0, fy: 386.0, cx: 645.0, cy: 470.0, skew: 0.0 }, lens, ..camera() }
+    }
+
+    #[test]
+    fn fields_of_view_beyond_180_degrees_are_compared() {
+        let a = wide(Lens::Fisheye(Fisheye::new([0.01, -0.003, 0.0005, 0.0])));
+        assert!(a.unproject(&Vector2::new(1279.0, 470.0)).unwrap().z < 0.0);
+        assert!(camera_difference(&a, &a).unwrap().max_px < 1e-9);
+        let mut b = wide(Lens::Fisheye(Fisheye::new([0.012, -0.003, 0.0004, 0.0])));
+        b.intrinsics.cx += 2.0;
+        let d = camera_difference(&a, &b).unwrap();
+        assert_eq!(d.compared, 1.0);
+        assert!(d.rms_px < 0.9 * d.rms_unrotated_px && d.rms_px > 0.1, "{} {}", d.rms_px, d.rms_unrotated_px);
+        assert!((d.rms_px - brute_force(&a, &b, &d.points)).abs() < 1e-6);
+        // Another model of the same lens: far from it, over the whole image.
+        let d = camera_difference(&a, &wide(Lens::Division(Division::new(-0.3)))).unwrap();
+        assert!(d.compared == 1.0 && d.max_px > 1.0);
+        // A pinhole sees what lies in front of it.
+        let d = camera_difference(&a, &wide(Lens::None)).unwrap();
+        assert!(d.compared < 0.95, "{}", d.compared);
+    }
+
+    #[test]
+    fn what_a_rotation_takes_beyond_a_fold_stays_at_the_edge() {
+        // The second lens ends at 80 degrees, inside the image; its principal point is off by a degree.
+        let a = wide(Lens::Fisheye(Fisheye::default()));
+        let mut b = wide(Lens::Fisheye(Fisheye::new([-0.171, 0.0, 0.0, 0.0])));
+        b.intrinsics.cx += 7.0;
+        assert!((b.lens.max_angle_rad().to_degrees() - 80.0).abs() < 1.0);
+        let d = camera_difference(&a, &b).unwrap();
+        assert!(d.compared > 0.6 && d.compared < 0.95, "{}", d.compared);
+        assert!((d.rotation_rad - 7.0 / 385.0).abs() < 4e-3, "{}", d.rotation_rad);
     }
 
     #[test]

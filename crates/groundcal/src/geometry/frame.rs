@@ -3,7 +3,7 @@
 //! One similarity for **both** images of a motion, since eigenvectors of a homography mean nothing otherwise:
 //! x' = (x - x0) / s with the assumed principal point x0 as origin and half the mean image side s as unit.
 
-use nalgebra::{Matrix3, Vector2};
+use nalgebra::{Matrix3, SMatrix, Vector2};
 
 use crate::geometry::{intrinsics::Intrinsics, size::ImageSize};
 
@@ -53,6 +53,14 @@ impl Frame {
             cy: k.cy * self.scale_px + self.origin_px.y,
             skew: k.skew * self.scale_px,
         }
+    }
+
+    /// Derivatives of (fx, fy, cx, cy, skew) in pixels by (ln fx, ln fy/fx, cx, cy, skew) in frame units.
+    pub fn pixels_by_logarithms(&self, k_px: &Intrinsics) -> SMatrix<f64, 5, 5> {
+        let mut jacobian = SMatrix::from_diagonal_element(self.scale_px);
+        jacobian[(0, 0)] = k_px.fx;
+        (jacobian[(1, 0)], jacobian[(1, 1)]) = (k_px.fy, k_px.fy);
+        jacobian
     }
 
     /// A camera matrix in frame units from one in pixels.

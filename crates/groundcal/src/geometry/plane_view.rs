@@ -5,7 +5,7 @@
 //! ```
 //!
 //! (see [`crate::geometry::attitude`] for the angles). The model of the synthetic scenes and of the Cramér-Rao bound; that of the joint
-//! refinement, with a lens and homogeneous points, is [`crate::refine::model`].
+//! refinement, with a lens and homogeneous points, is that of [`crate::refine`].
 
 use nalgebra::{SMatrix, Vector2, Vector3};
 

@@ -3,8 +3,13 @@
 //! Minimises cost(x) = rᵀ W r / 2 over a state that need not be a vector space: a problem supplies its linearisation at a
 //! state (dense [`NormalEquations`], or one that eliminates unknowns its own way) and the step to a new one. Damping
 //! multiplies the diagonal (Marquardt 1963), its factor follows the ratio of actual to predicted decrease (Nielsen 1999).
+//!
+//! Estimating equations g(x) = 0 whose weights depend on x are no gradient of a cost: of these every full step is taken
+//! ([`Descent::Undamped`]), and the cost says no more than whether the model is defined.
 
 use nalgebra::{DMatrix, DVector};
+
+use crate::observer::{Observer, Silent};
 
 /// Cost, gradient and Gauss-Newton matrix at a state.
 pub struct NormalEquations {
@@ -62,9 +67,21 @@ pub trait LeastSquares {
     fn retract(&self, state: &Self::State, step: &DVector<f64>) -> Self::State;
 }
 
+/// Which steps are taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Descent {
+    /// Those that lower the cost (Levenberg-Marquardt).
+    #[default]
+    Damped,
+    /// All that stay where the model is defined (Gauss-Newton).
+    Undamped,
+}
+
 /// When to stop.
 #[derive(Debug, Clone, Copy)]
 pub struct LmOptions {
+    /// Which steps are taken.
+    pub descent: Descent,
     /// Most steps tried.
     pub max_iterations: usize,
     /// Stop when the decrease predicted for the next step is below this fraction of the cost.
@@ -75,7 +92,7 @@ pub struct LmOptions {
 
 impl Default for LmOptions {
     fn default() -> Self {
-        Self { max_iterations: 50, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 }
+        Self { descent: Descent::Damped, max_iterations: 50, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 }
     }
 }
 
@@ -86,8 +103,10 @@ pub enum StopReason {
     Converged,
     /// The iteration limit was reached; the best state found is returned.
     MaxIterations,
-    /// No damping gave a lower cost, with the predicted decrease still noticeable.
+    /// No damping gave a lower cost, with the predicted decrease still noticeable; or an undamped step left the model.
     Stalled,
+    /// The observer said so.
+    Stopped,
 }
 
 /// The best state found and how it was reached.
@@ -110,17 +129,32 @@ pub fn minimise<P: LeastSquares>(
     start: P::State,
     options: &LmOptions,
 ) -> Option<LmOutput<P::State, P::Linearised>> {
+    minimise_until(problem, start, options, &Silent)
+}
+
+/// The same under an observer's eyes, which is asked before each step whether to stop ([`StopReason::Stopped`]).
+pub(crate) fn minimise_until<P: LeastSquares>(
+    problem: &P,
+    start: P::State,
+    options: &LmOptions,
+    observer: &dyn Observer,
+) -> Option<LmOutput<P::State, P::Linearised>> {
     let mut state = start;
     let mut at = problem.linearise(&state)?;
-    let mut lambda = 1e-6;
+    let undamped = options.descent == Descent::Undamped;
+    let mut lambda = if undamped { 0.0 } else { 1e-6 };
     let mut growth = 2.0;
     let mut iterations = 0;
     let mut stop = StopReason::MaxIterations;
     while iterations < options.max_iterations {
+        if observer.stopped() {
+            stop = StopReason::Stopped;
+            break;
+        }
         iterations += 1;
         let solved = at.solve(lambda).filter(|s| s.step.iter().all(|v| v.is_finite()));
         let Some(DampedStep { step, predicted_decrease }) = solved else {
-            if lambda > 1e12 {
+            if undamped || lambda > 1e12 {
                 stop = StopReason::Stalled;
                 break;
             }
@@ -132,7 +166,16 @@ pub fn minimise<P: LeastSquares>(
             break;
         }
         let candidate = problem.retract(&state, &step);
-        let gain = problem.cost(&candidate).map_or(-1.0, |cost| (at.cost() - cost) / predicted_decrease);
+        let cost = problem.cost(&candidate);
+        if undamped {
+            let Some(linearised) = cost.and_then(|_| problem.linearise(&candidate)) else {
+                stop = StopReason::Stalled;
+                break;
+            };
+            (state, at) = (candidate, linearised);
+            continue;
+        }
+        let gain = cost.map_or(-1.0, |cost| (at.cost() - cost) / predicted_decrease);
         if gain > 0.0 {
             match problem.linearise(&candidate) {
                 Some(linearised) => {
@@ -185,8 +228,13 @@ mod tests {
 
     #[test]
     fn rosenbrock_valley() {
-        let out = minimise(&Rosenbrock, DVector::from_vec(vec![-1.2, 1.0]), &LmOptions::default()).expect("defined");
+        let start = DVector::from_vec(vec![-1.2, 1.0]);
+        let out = minimise(&Rosenbrock, start.clone(), &LmOptions::default()).expect("defined");
         assert!((out.state - DVector::from_element(2, 1.0)).norm() < 1e-8);
         assert_ne!(out.stop, StopReason::Stalled);
+        // Full steps: two residuals of two unknowns are zero after two, over a hill.
+        let undamped = LmOptions { descent: Descent::Undamped, ..LmOptions::default() };
+        let out = minimise(&Rosenbrock, start, &undamped).expect("defined");
+        assert!((out.state - DVector::from_element(2, 1.0)).norm() < 1e-8 && out.iterations <= 4);
     }
 }

@@ -8,6 +8,8 @@
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
+use crate::observer::{Observer, Silent};
+
 /// What the loop asks of a model.
 pub trait RobustProblem {
     /// The model.
@@ -122,8 +124,20 @@ pub fn required_trials(inliers: usize, n: usize, size: usize, confidence: f64) -
     if trials.is_finite() && trials < usize::MAX as f64 { trials.ceil().max(1.0) as usize } else { usize::MAX }
 }
 
+/// Trials between two questions whether to stop.
+const TRIALS_BETWEEN_STOPS: usize = 16;
+
 /// Search for the model with the least cost; `None` when there are too few data or every sample was degenerate.
 pub fn search<P: RobustProblem>(problem: &P, options: &RansacOptions) -> Option<RansacOutput<P::Model>> {
+    search_until(problem, options, &Silent)
+}
+
+/// The same under an observer's eyes; `None` also when it says stop.
+pub(crate) fn search_until<P: RobustProblem>(
+    problem: &P,
+    options: &RansacOptions,
+    observer: &dyn Observer,
+) -> Option<RansacOutput<P::Model>> {
     let n = problem.len();
     let size = P::SAMPLE_SIZE;
     if n < size {
@@ -156,6 +170,9 @@ pub fn search<P: RobustProblem>(problem: &P, options: &RansacOptions) -> Option<
     let mut needed = options.max_trials;
     let mut trials = 0;
     while trials < needed.max(options.min_trials).min(options.max_trials) {
+        if trials.is_multiple_of(TRIALS_BETWEEN_STOPS) && observer.stopped() {
+            return None;
+        }
         trials += 1;
         draw(&mut rng, n, &mut sample);
         let Some(model) = problem.minimal(&sample) else { continue };

@@ -10,15 +10,19 @@
 //! The coefficients act through a fixed reference focal length: k1 / f² is what the residuals see, whatever f is. A match's
 //! deviation is scaled by the lens's local magnification, so that noise stays what it was in the image.
 
-use nalgebra::{Matrix2x4, Matrix4, SMatrix, SVector, Vector2, Vector4};
+use nalgebra::{DMatrix, DVector, Matrix2x4, Matrix4, SMatrix, SVector, Vector2, Vector4};
 use rayon::prelude::*;
 
 use crate::{
     geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
-    numerics::linalg::{rows_of, sphere_tangent},
+    numerics::{
+        levenberg_marquardt::{Descent, LeastSquares, LmOptions, NormalEquations, StopReason, minimise_until},
+        linalg::{rows_of, sphere_tangent},
+    },
+    observer::{Observer, Silent},
     pairs::{
         correspondence::PointMatch,
-        refine::{RefineOptions, linearise, refine},
+        refine::{RefineOptions, linearise, refine_until},
     },
 };
 
@@ -101,8 +105,12 @@ pub struct LensEstimate {
     pub covariance: Matrix4<f64>,
 }
 
-/// Gauss-Newton rounds.
+/// Gauss-Newton rounds, and the step that ends them.
 const ROUNDS: usize = 8;
+const STEP_TOLERANCE: f64 = 1e-7;
+/// Longest step of each number, and the coefficients beyond which there is no lens.
+const LONGEST_STEP: [f64; 4] = [0.3, 0.5, 0.05, 0.05];
+const MOST_COEFFICIENTS: [f64; 2] = [3.0, 5.0];
 /// Matches of a motion that take part: more do not help where systematic errors rule.
 const ENOUGH: usize = 3000;
 
@@ -114,43 +122,89 @@ pub fn estimate_lens(
     start: &Lens,
     prior: &LensPrior,
 ) -> Option<LensEstimate> {
-    let information = prior.information();
-    let mut lens = *start;
-    let mut covariance = Matrix4::zeros();
-    for _ in 0..ROUNDS {
-        let parts: Vec<Option<(Vector4<f64>, Matrix4<f64>)>> =
-            motions.par_iter().map(|matches| reduced_equations(matches, frame, &lens)).collect();
+    estimate_lens_until(motions, frame, start, prior, &Silent)
+}
+
+/// The same under an observer's eyes; `None` also when it says stop.
+pub(crate) fn estimate_lens_until(
+    motions: &[&[PointMatch]],
+    frame: &Frame,
+    start: &Lens,
+    prior: &LensPrior,
+    observer: &dyn Observer,
+) -> Option<LensEstimate> {
+    let problem = LensProblem { motions, frame, start, prior_information: prior.information(), observer };
+    let options = LmOptions {
+        descent: Descent::Undamped,
+        max_iterations: ROUNDS,
+        relative_cost_tolerance: 0.0,
+        step_tolerance: STEP_TOLERANCE,
+    };
+    let out = minimise_until(&problem, *start, &options, observer)?;
+    if matches!(out.stop, StopReason::Stalled | StopReason::Stopped) {
+        return None;
+    }
+    let information = out.linearised.information.fixed_view::<4, 4>(0, 0).into_owned();
+    Some(LensEstimate { lens: out.state, covariance: information.try_inverse()? })
+}
+
+/// The lens's estimating equations: the noise of each motion, and with it their weights, is that of its residuals at the lens.
+struct LensProblem<'a> {
+    motions: &'a [&'a [PointMatch]],
+    frame: &'a Frame,
+    start: &'a Lens,
+    prior_information: Vector4<f64>,
+    observer: &'a dyn Observer,
+}
+
+impl LeastSquares for LensProblem<'_> {
+    type State = Lens;
+    type Linearised = NormalEquations;
+
+    fn cost(&self, lens: &Lens) -> Option<f64> {
+        let (d, [k1, k2]) = (&lens.distortion, MOST_COEFFICIENTS);
+        (d.k1.abs() < k1 && d.k2.abs() < k2).then_some(0.0)
+    }
+
+    fn linearise(&self, lens: &Lens) -> Option<NormalEquations> {
+        let parts: Vec<Option<(Vector4<f64>, Matrix4<f64>)>> = self
+            .motions
+            .par_iter()
+            .map(|matches| reduced_equations(matches, self.frame, lens, self.observer))
+            .collect();
+        self.observer.go_on().ok()?;
         let (mut gradient, mut normal) = (Vector4::zeros(), Matrix4::zeros());
         for (g, a) in parts.into_iter().flatten() {
             gradient += g;
             normal += a;
         }
-        let from_start = (lens.intrinsics.cx - start.intrinsics.cx, lens.intrinsics.cy - start.intrinsics.cy);
-        let offset = Vector4::new(
-            lens.distortion.k1,
-            lens.distortion.k2,
-            from_start.0 / start.intrinsics.fx,
-            from_start.1 / start.intrinsics.fy,
-        );
-        covariance = (normal + Matrix4::from_diagonal(&information)).try_inverse()?;
-        let step = -(covariance * (gradient + information.component_mul(&offset)));
-        lens = lens.moved(&step.zip_map(&Vector4::new(0.3, 0.5, 0.05, 0.05), |s, most| s.clamp(-most, most)));
-        if !(lens.distortion.k1.abs() < 3.0 && lens.distortion.k2.abs() < 5.0) {
-            return None;
-        }
-        if step.norm() < 1e-6 {
-            break;
-        }
+        let (d, k, from) = (&lens.distortion, &lens.intrinsics, &self.start.intrinsics);
+        let offset = Vector4::new(d.k1, d.k2, (k.cx - from.cx) / from.fx, (k.cy - from.cy) / from.fy);
+        gradient += self.prior_information.component_mul(&offset);
+        normal += Matrix4::from_diagonal(&self.prior_information);
+        Some(NormalEquations {
+            cost: 0.0,
+            gradient: DVector::from_column_slice(gradient.as_slice()),
+            information: DMatrix::from_column_slice(4, 4, normal.as_slice()),
+        })
     }
-    Some(LensEstimate { lens, covariance })
+
+    fn retract(&self, lens: &Lens, step: &DVector<f64>) -> Lens {
+        lens.moved(&Vector4::from_fn(|i, _| step[i].clamp(-LONGEST_STEP[i], LONGEST_STEP[i])))
+    }
 }
 
 /// Gradient and information of θ of one motion, its homography eliminated, in units of its noise.
-fn reduced_equations(matches: &[PointMatch], frame: &Frame, lens: &Lens) -> Option<(Vector4<f64>, Matrix4<f64>)> {
+fn reduced_equations(
+    matches: &[PointMatch],
+    frame: &Frame,
+    lens: &Lens,
+    observer: &dyn Observer,
+) -> Option<(Vector4<f64>, Matrix4<f64>)> {
     let stride = matches.len().div_ceil(ENOUGH).max(1);
     // A point beyond the fold of a lens on the way has no ideal place; it is back when the lens is better.
     let ideal: Vec<PointMatch> = matches.iter().step_by(stride).filter_map(|m| lens.ideal_match(m)).collect();
-    let estimate = refine(&ideal, None, frame, &RefineOptions::default()).ok()?;
+    let estimate = refine_until(&ideal, None, frame, &RefineOptions::default(), observer).ok()?;
     let tangent = sphere_tangent(&rows_of(&estimate.in_frame));
     const STEP: f64 = 1e-4;
     let shifted: Vec<[Lens; 2]> = (0..4)

@@ -11,17 +11,17 @@ use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, 
 
 use crate::{
     error::Error,
-    geometry::frame::Frame,
+    geometry::{
+        frame::Frame,
+        homography::{Homography, HomographyCovariance},
+    },
     numerics::{
-        levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, StopReason, minimise},
+        levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, StopReason, minimise_until},
         linalg::{inverse_spd, matrix_from_rows, rows_of, sphere_tangent, symmetric_eigen},
         statistics::{chi_squared_2_mean_below, chi_squared_2_quantile},
     },
-    pairs::correspondence::PointMatch,
-};
-use crate::{
-    geometry::homography::{Homography, HomographyCovariance},
-    pairs::dlt::direct_linear_transformation,
+    observer::{Observer, Silent},
+    pairs::{correspondence::PointMatch, dlt::direct_linear_transformation},
 };
 
 /// A homography with its covariance.
@@ -262,7 +262,12 @@ impl Default for RefineOptions {
     fn default() -> Self {
         Self {
             kept_fraction: 1.0,
-            lm: LmOptions { max_iterations: 30, relative_cost_tolerance: 1e-10, step_tolerance: 1e-15 },
+            lm: LmOptions {
+                max_iterations: 30,
+                relative_cost_tolerance: 1e-10,
+                step_tolerance: 1e-15,
+                ..LmOptions::default()
+            },
         }
     }
 }
@@ -279,6 +284,17 @@ pub fn refine(
     start: Option<&Matrix3<f64>>,
     frame: &Frame,
     options: &RefineOptions,
+) -> Result<HomographyEstimate, Error> {
+    refine_until(matches, start, frame, options, &Silent)
+}
+
+/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
+pub(crate) fn refine_until(
+    matches: &[PointMatch],
+    start: Option<&Matrix3<f64>>,
+    frame: &Frame,
+    options: &RefineOptions,
+    observer: &dyn Observer,
 ) -> Result<HomographyEstimate, Error> {
     let local = to_frame(matches, frame);
     let degenerate = |ratio| Error::DegeneratePoints { count: matches.len(), spread_ratio: ratio };
@@ -297,7 +313,10 @@ pub fn refine(
         }
     };
     let problem = GoldStandard { matches: &local, weights: None };
-    let out = minimise(&problem, start, &options.lm).ok_or_else(|| degenerate(spread))?;
+    let out = minimise_until(&problem, start, &options.lm, observer).ok_or_else(|| degenerate(spread))?;
+    if out.stop == StopReason::Stopped {
+        return Err(Error::Stopped);
+    }
     let (values, _) = symmetric_eigen(&out.linearised.information)
         .ok_or_else(|| Error::Numerical { stage: "homography", detail: "information matrix not finite".into() })?;
     if values[0] <= 1e-12 * values[7] {

@@ -4,16 +4,17 @@ use nalgebra::{Matrix3, SVector};
 
 use crate::pairs::{
     dlt::from_four_points,
-    refine::{HomographyEstimate, RefineOptions, accumulate, refine, sampson_squared, spread_ratio, to_frame},
+    refine::{HomographyEstimate, RefineOptions, accumulate, refine_until, sampson_squared, spread_ratio, to_frame},
 };
 use crate::{
     error::Error,
     geometry::frame::Frame,
     numerics::{
         linalg::{matrix_from_rows, rows_of, sphere_tangent},
-        ransac::{OUTLIER_SQUARED, RansacOptions, RobustProblem, search},
+        ransac::{OUTLIER_SQUARED, RansacOptions, RobustProblem, search_until},
         statistics::{chi_squared_2_quantile, median},
     },
+    observer::{Observer, Silent},
     pairs::correspondence::PointMatch,
 };
 
@@ -109,8 +110,18 @@ pub fn estimate_robust(
     frame: &Frame,
     options: &RobustOptions,
 ) -> Result<RobustHomography, Error> {
+    estimate_robust_until(matches, frame, options, &Silent)
+}
+
+/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
+pub(crate) fn estimate_robust_until(
+    matches: &[PointMatch],
+    frame: &Frame,
+    options: &RobustOptions,
+    observer: &dyn Observer,
+) -> Result<RobustHomography, Error> {
     let all: Vec<usize> = (0..matches.len()).collect();
-    let first = estimate_among(matches, &all, frame, options)?;
+    let first = estimate_among(matches, &all, frame, options, observer)?;
     let displacement = |m: &PointMatch| (m.b - m.a).norm();
     let mut moved: Vec<f64> = first.inliers.iter().map(|&i| displacement(&matches[i])).collect();
     if median(&mut moved) > options.static_px {
@@ -119,7 +130,9 @@ pub fn estimate_robust(
     // The best supported plane stands still. Something else may move before it: look among what is left.
     let rest: Vec<usize> =
         (0..matches.len()).filter(|&i| displacement(&matches[i]) > 3.0 * options.static_px).collect();
-    let second = estimate_among(matches, &rest, frame, options).ok().filter(|s| s.inliers.len() >= options.min_inliers);
+    let second = estimate_among(matches, &rest, frame, options, observer);
+    observer.go_on()?;
+    let second = second.ok().filter(|s| s.inliers.len() >= options.min_inliers);
     Ok(match second {
         Some(second) => RobustHomography { static_background: first.inliers.len(), ..second },
         None => RobustHomography { is_static: true, ..first },
@@ -131,6 +144,7 @@ fn estimate_among(
     among: &[usize],
     frame: &Frame,
     options: &RobustOptions,
+    observer: &dyn Observer,
 ) -> Result<RobustHomography, Error> {
     let chosen: Vec<PointMatch> = among.iter().map(|&i| matches[i]).collect();
     let local = to_frame(&chosen, frame);
@@ -138,9 +152,12 @@ fn estimate_among(
         count: local.len(),
         spread_ratio: if local.is_empty() { 0.0 } else { spread_ratio(&local) },
     };
-    let max_sigma = options.max_sigma_px / frame.scale_px;
+    let largest_sigma_px = options.max_sigma_px;
+    let max_sigma = largest_sigma_px / frame.scale_px;
     let problem = Problem { matches: &local, scale: 1.0 / (max_sigma * max_sigma) };
-    let found = search(&problem, &options.ransac).ok_or_else(degenerate)?;
+    let found = search_until(&problem, &options.ransac, observer);
+    observer.go_on()?;
+    let found = found.ok_or_else(degenerate)?;
 
     // The scale of the noise from the inliers (median of chi-squared, two degrees of freedom: 2 ln 2), then cut and refine, until the set of inliers rests.
     let mut h = found.model;
@@ -150,7 +167,7 @@ fn estimate_among(
     let mut estimate = None;
     for _ in 0..8 {
         // At least a thousandth of a pixel, so that exact data keep all their points.
-        let floor = (1e-3 / options.max_sigma_px).powi(2);
+        let floor = (1e-3 / largest_sigma_px).powi(2);
         let limit = (chi_squared_2_quantile(1.0 - KEPT) * noise.max(floor)).min(OUTLIER_SQUARED);
         let next: Vec<usize> = (0..local.len()).filter(|&i| squared(&h, i) < limit).collect();
         if next.len() < 4 {
@@ -163,9 +180,10 @@ fn estimate_among(
         let kept: Vec<PointMatch> = inliers.iter().map(|&i| chosen[i]).collect();
         // With no datum left out there was no cut to allow for.
         let kept_fraction = if inliers.len() == local.len() { 1.0 } else { KEPT };
-        let refined = refine(&kept, Some(&h), frame, &RefineOptions { kept_fraction, ..RefineOptions::default() })?;
+        let options = RefineOptions { kept_fraction, ..RefineOptions::default() };
+        let refined = refine_until(&kept, Some(&h), frame, &options, observer)?;
         h = refined.in_frame;
-        noise = (refined.sigma_px / options.max_sigma_px).powi(2);
+        noise = (refined.sigma_px / largest_sigma_px).powi(2);
         estimate = Some(refined);
     }
     let estimate = estimate.ok_or_else(degenerate)?;

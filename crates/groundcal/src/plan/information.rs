@@ -8,7 +8,7 @@
 //! points eliminated, priors on the views' attitudes and heights included), linearised at the motion as planned. The points stand
 //! on a grid over the first image, each for its share of the matches.
 
-use nalgebra::{DMatrix, DVector, Matrix2, SMatrix, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2, Vector3};
 
 use crate::{
     geometry::{
@@ -17,17 +17,16 @@ use crate::{
         size::ImageSize,
     },
     numerics::{levenberg_marquardt::LeastSquares, linalg::inverse_spd},
+    plan::candidate::{CameraMatrix, NUMBERS},
     refine::{
-        BundleOptions, CAMERA, CameraVector, GroupState, Kind, Observation, SceneModel, State, Track, ViewState,
-        layout::{Ingredients, Layout},
-        model::{Pose, Projector},
+        blocks::{BundleOptions, CameraState, FrameState, GroupState, MATRIX, State},
+        layout::Ingredients,
         problem::Problem,
+        residual::{Pose, Projector, SceneModel},
+        tracks::{Kind, Observation, Track},
     },
     synthetic::points::MotionSpec,
 };
-
-/// A symmetric matrix over the camera's numbers ([`CameraVector`]).
-pub type CameraMatrix = SMatrix<f64, CAMERA, CAMERA>;
 
 /// Columns of the grid over the image.
 const GRID: usize = 24;
@@ -38,8 +37,10 @@ pub(super) struct Setting {
     pub(super) size: ImageSize,
     pub(super) frame: Frame,
     /// The camera as it is thought to be, frame units.
-    pub(super) camera: CameraVector,
-    /// What the estimator frees and how far it lets attitudes and heights stray.
+    pub(super) camera: CameraState,
+    /// Which of its numbers the estimator frees.
+    pub(super) free: [bool; NUMBERS],
+    /// How far it lets attitudes and heights stray.
     pub(super) options: BundleOptions,
     pub(super) height_sigma: f64,
     pub(super) noise_px: f64,
@@ -69,37 +70,30 @@ impl Setting {
     /// The views of `links` equal motions, each of which begins where the one before ended.
     fn state(&self, spec: &MotionSpec, links: usize) -> State {
         let shift = Vector2::from(spec.shift) / spec.height;
-        let view = |yaw_rad: f64, position: Vector2<f64>| ViewState {
+        let frame = |yaw_rad: f64, position: Vector2<f64>| FrameState {
             group: 0,
             delta_rad: [0.0; 2],
             yaw_rad,
             position,
             ln_height_ratio: 0.0,
         };
-        let mut views = vec![view(0.0, Vector2::zeros())];
+        let mut frames = vec![frame(0.0, Vector2::zeros())];
         for i in 0..links {
-            let last = views[i];
-            views.push(view(last.yaw_rad + spec.turn_rad, last.position + along(last.yaw_rad) * shift));
+            let last = frames[i];
+            frames.push(frame(last.yaw_rad + spec.turn_rad, last.position + along(last.yaw_rad) * shift));
         }
-        State {
-            camera: self.camera,
-            groups: vec![GroupState {
-                attitude: attitude_rotation(spec.pitch_down_rad, spec.roll_rad),
-                ln_height: 0.0,
-            }],
-            views,
-            points: Vec::new(),
-        }
+        let attitude = attitude_rotation(spec.pitch_down_rad, spec.roll_rad);
+        State::of_one_camera(self.camera, vec![GroupState { attitude, ln_height: 0.0 }], frames)
     }
 
     fn projector(&self) -> Projector {
-        Projector::new(&self.camera, self.options.tangential)
+        Projector::new(&self.camera)
     }
 
     /// The floor that both views see.
     pub(super) fn shared_floor(&self, spec: &MotionSpec) -> Shared {
         let state = self.state(spec, 1);
-        let [a, b] = [0, 1].map(|v| Pose::new(SceneModel::Floor, &state.groups[0], &state.views[v]));
+        let [a, b] = [0, 1].map(|v| Pose::new(SceneModel::Floor, &state.groups[0], &state.frames[v]));
         let projector = self.projector();
         let (w, h) = (self.size.width as f64, self.size.height as f64);
         let rows = ((GRID as f64 * h / w).round() as usize).clamp(6, 2 * GRID);
@@ -139,25 +133,25 @@ impl Setting {
         let information = Matrix2::from_diagonal_element(self.points * shared.fraction / count / self.noise_px.powi(2));
         let mut tracks = Vec::with_capacity(links * shared.seen.len());
         for link in 0..links {
-            let from = state.views[link];
+            let from = state.frames[link];
             for (pixel, q) in &shared.seen {
                 // The normal equations take no pixel into account, only where the points are.
                 let pixel = self.frame.to_pixel(pixel);
-                let observations = [link, link + 1].map(|view| Observation { view, pixel, information }).to_vec();
+                let observations =
+                    [link, link + 1].map(|frame| Observation { frame, camera: 0, pixel, information }).to_vec();
                 tracks.push(Track { kind: Kind::Point, observations });
                 let at = along(from.yaw_rad) * q.xy() + from.position * q.z;
                 state.points.push(Vector3::new(at.x, at.y, q.z).normalize());
             }
         }
-        let group_of_view = vec![0; links + 1];
+        let mut unknowns = self.options.cameras[0].clone();
+        (unknowns.matrix_priors, unknowns.lens_priors) = ([None; MATRIX], Vec::new());
+        (0..NUMBERS).for_each(|i| unknowns.set_free(i, self.free[i]));
         let mut problem = Problem::new(&Ingredients {
             scene: SceneModel::Floor,
-            frame: &self.frame,
             tracks: &tracks,
-            group_of_view: &group_of_view,
-            free: self.options.free,
-            camera_priors: [None; CAMERA],
-            tangential: self.options.tangential,
+            state: &state,
+            cameras: &[unknowns],
             huber: self.options.huber,
         });
         problem.attitude_sigma_rad = self.options.attitude_sigma_rad.unwrap_or(self.options.attitude_scale_rad);
@@ -166,8 +160,7 @@ impl Setting {
         let n = normal.size();
         let unit = |i: usize| DVector::from_fn(n, |r, _| if r == i { 1.0 } else { 0.0 });
         let columns: Vec<DVector<f64>> = (0..n).map(|i| normal.product(&unit(i))).collect();
-        let camera: Vec<(usize, usize)> =
-            problem.layout.camera.iter().copied().enumerate().filter(|(_, c)| Layout::is_free(*c)).collect();
+        let camera: Vec<(usize, usize)> = problem.layout.cameras[0].free().collect();
         let own: Vec<usize> = (0..n).filter(|c| camera.iter().all(|(_, taken)| taken != c)).collect();
         let cross = DMatrix::from_fn(own.len(), camera.len(), |r, c| columns[camera[c].1][own[r]]);
         let inverse = inverse_spd(&DMatrix::from_fn(own.len(), own.len(), |r, c| columns[own[c]][own[r]]))?;
@@ -187,25 +180,30 @@ mod tests {
     use super::*;
     use crate::{
         calibrate::{LensModel, Options},
-        geometry::{intrinsics::Intrinsics, plane_view::View},
-        refine::model::pixels_by_camera,
-        start::{absolute_conic::Constraint, linear_camera::parameters_in_frame},
+        geometry::{intrinsics::Intrinsics, lens::Lens, plane_view::View},
+        plan::candidate::inverse_free,
+        refine::bundle::pixels_by_camera,
+        start::absolute_conic::Constraint,
         synthetic::bound::{HeightModel, cramer_rao_bound},
     };
+
+    fn free_of(options: &BundleOptions) -> [bool; NUMBERS] {
+        std::array::from_fn(|i| options.cameras[0].is_free(i))
+    }
 
     /// A motion added to others that share its pictures takes no information away.
     #[test]
     fn a_chain_of_motions_is_worth_more_than_one() {
         let size = ImageSize::new(640, 480);
         let frame = Frame::new(size, None);
-        let mut camera = CameraVector::zeros();
-        let k = Intrinsics::square(600.0, 319.5, 239.5);
-        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&k, &frame));
+        let camera = CameraState::new(&Intrinsics::square(600.0, 319.5, 239.5), &Lens::radial(0.0, 0.0), &frame);
+        let options = Options::default().assumptions(size);
         let setting = Setting {
             size,
             frame,
             camera,
-            options: Options::default().assumptions(size),
+            free: free_of(&options),
+            options,
             height_sigma: 1e-3,
             noise_px: 0.3,
             points: 200.0,
@@ -215,7 +213,7 @@ mod tests {
         let shared = setting.shared_floor(&motion);
         let [one, two, three] = [1, 2, 3].map(|n| setting.information(&motion, &shared, n).expect("regular"));
         for (less, more) in [(&one, &two), (&two, &three)] {
-            let kept: Vec<usize> = (0..CAMERA).filter(|&i| setting.options.free[i]).collect();
+            let kept: Vec<usize> = (0..NUMBERS).filter(|&i| setting.free[i]).collect();
             let gain = DMatrix::from_fn(kept.len(), kept.len(), |r, c| {
                 let (i, j) = (kept[r], kept[c]);
                 (more[(i, j)] - less[(i, j)]) / (more[(i, i)] * more[(j, j)]).sqrt()
@@ -232,8 +230,7 @@ mod tests {
         let size = ImageSize::new(1280, 960);
         let frame = Frame::new(size, None);
         let k = Intrinsics { fx: 1000.0, fy: 1010.0, cx: 649.5, cy: 469.5, skew: 0.0 };
-        let mut camera = CameraVector::zeros();
-        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&k, &frame));
+        let camera = CameraState::new(&k, &Lens::radial(0.0, 0.0), &frame);
         let options = Options {
             constraint: Constraint::ZeroSkew,
             attitude_sigma_deg: Some(0.0),
@@ -249,6 +246,7 @@ mod tests {
                 size,
                 frame,
                 camera,
+                free: free_of(&options.assumptions(size)),
                 options: options.assumptions(size),
                 height_sigma,
                 noise_px: 0.7,
@@ -257,7 +255,7 @@ mod tests {
             };
             let shared: Vec<Shared> = specs.iter().map(|s| setting.shared_floor(s)).collect();
             let sum = specs.iter().zip(&shared).map(|(m, s)| setting.information(m, s, 1).expect("regular")).sum();
-            let covariance = super::super::inverse_free(&sum, &setting.options.free).expect("determined");
+            let covariance = inverse_free(&sum, &setting.free).expect("determined");
             let jacobian = pixels_by_camera(&k, &frame);
             let planned = jacobian * covariance * jacobian.transpose();
             let points: Vec<Vec<Vector2<f64>>> =

@@ -10,7 +10,11 @@
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
+pub mod after;
+mod candidate;
+pub mod carriers;
 mod information;
+pub mod report;
 mod search;
 
 use nalgebra::SMatrix;
@@ -19,15 +23,17 @@ use serde::Serialize;
 use crate::{
     calibrate::Options,
     error::Error,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{constraint::Constraint, distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
     numerics::linalg::inverse_spd,
-    refine::{CAMERA, CameraVector, model::pixels_by_camera},
+    refine::{CameraState, bundle::pixels_by_camera},
+    remedy::Remedy,
     result::{PrincipalPointDoubt, Prior, StandardDeviation, Warning},
-    start::linear_camera::{PriorParameter, check_certainty, parameters_in_frame},
+    start::linear_camera::{PriorParameter, check_certainty},
     synthetic::points::MotionSpec,
 };
 
-pub use information::CameraMatrix;
+pub use candidate::CameraMatrix;
+use candidate::{Candidate, NUMBERS, inverse_free, ln_f_variance};
 use information::Setting;
 
 /// How a camera can move. Every pitch may be combined with every roll and every turn.
@@ -69,7 +75,7 @@ pub struct PlanOptions {
 
 /// A calibration to be improved: the covariance of (fx, fy, cx, cy, skew, k1, k2) in pixels squared, zero rows for what it held.
 /// It has the priors in it.
-pub type Start = SMatrix<f64, CAMERA, CAMERA>;
+pub type Start = SMatrix<f64, NUMBERS, NUMBERS>;
 
 /// Relative deviation of heights taken where none is given: that of a tripod or a robot on a floor.
 pub const HEIGHT_SIGMA: f64 = 1e-3;
@@ -148,33 +154,6 @@ pub struct Plan {
     pub candidates: usize,
 }
 
-/// A motion of the grid with what it says.
-struct Candidate {
-    spec: MotionSpec,
-    information: CameraMatrix,
-    matches: f64,
-    overlap: f64,
-}
-
-/// Inverse over the free numbers, zero elsewhere; `None` when singular.
-fn inverse_free(information: &CameraMatrix, free: &[bool; CAMERA]) -> Option<CameraMatrix> {
-    let kept: Vec<usize> = (0..CAMERA).filter(|&i| free[i]).collect();
-    let dense = nalgebra::DMatrix::from_fn(kept.len(), kept.len(), |r, c| information[(kept[r], kept[c])]);
-    let inverse = inverse_spd(&dense)?;
-    let mut out = CameraMatrix::zeros();
-    for (r, &i) in kept.iter().enumerate() {
-        for (c, &j) in kept.iter().enumerate() {
-            out[(i, j)] = inverse[(r, c)];
-        }
-    }
-    Some(out)
-}
-
-/// Variance of ln √(fx fy).
-fn ln_f_variance(c: &CameraMatrix) -> f64 {
-    c[(0, 0)] + c[(0, 1)] + 0.25 * c[(1, 1)]
-}
-
 /// Degrees without the rounding of their way through radians.
 fn round(degrees: f64) -> f64 {
     (degrees * 1e9).round() / 1e9
@@ -248,26 +227,25 @@ impl Planner {
         options.validate()?;
         let (size, calibration) = (options.size, &options.calibration);
         let frame = Frame::new(size, calibration.principal_point_px);
-        let mut camera = CameraVector::zeros();
-        camera.fixed_rows_mut::<5>(0).copy_from(&parameters_in_frame(&options.intrinsics, &frame));
-        (camera[5], camera[6]) = (options.distortion.k1, options.distortion.k2);
-        let mut assumed = calibration.assumptions(size);
-        assumed.tangential = [options.distortion.p1, options.distortion.p2];
+        let camera = CameraState::new(&options.intrinsics, &options.distortion.into(), &frame);
+        let assumed = calibration.assumptions(size);
+        let unknowns = &assumed.cameras[0];
+        let mut free: [bool; NUMBERS] = std::array::from_fn(|i| unknowns.is_free(i));
         let base = match start {
             Some(covariance) => {
                 let back = pixels_by_camera(&options.intrinsics, &frame)
                     .try_inverse()
                     .ok_or_else(|| Error::InvalidInput("a camera matrix that is singular".into()))?;
                 let in_frame = back * covariance * back.transpose();
-                assumed.free = std::array::from_fn(|i| in_frame[(i, i)] > LEAST_VARIANCE);
+                free = std::array::from_fn(|i| in_frame[(i, i)] > LEAST_VARIANCE);
                 // Without a focal length there is nothing to improve.
-                let known = assumed.free[0].then(|| inverse_free(&in_frame, &assumed.free)).flatten();
+                let known = free[0].then(|| inverse_free(&in_frame, &free)).flatten();
                 known.ok_or_else(|| {
                     Error::InvalidInput("a covariance that is not positive definite in what was estimated".into())
                 })?
             }
             None => CameraMatrix::from_diagonal(&nalgebra::SVector::from_fn(|i, _| {
-                assumed.priors[i].filter(|_| assumed.free[i]).map_or(0.0, |(_, sigma)| sigma.powi(-2))
+                unknowns.prior(i).filter(|_| free[i]).map_or(0.0, |(_, sigma)| sigma.powi(-2))
             })),
         };
         Ok(Self {
@@ -275,6 +253,7 @@ impl Planner {
                 size,
                 frame,
                 camera,
+                free,
                 options: assumed,
                 height_sigma: calibration.height_sigma.unwrap_or(HEIGHT_SIGMA),
                 noise_px: options.noise_px,
@@ -345,7 +324,7 @@ impl Planner {
         if let Some(Err(error)) = outcome {
             return Err(error);
         }
-        let covariance = inverse_free(&sum, &self.setting.options.free).unwrap_or_default();
+        let covariance = inverse_free(&sum, &self.setting.free).unwrap_or_default();
         let priors = self.priors(&covariance);
         let specs: Vec<MotionSpec> = chosen.iter().take(motions.len()).map(|&i| candidates[i].spec).collect();
         Ok(Plan {
@@ -359,7 +338,7 @@ impl Planner {
 
     /// Motions one by one, each of pictures of its own: indices of the candidates, and the information after each.
     fn separate(&self, candidates: &[Candidate]) -> (Vec<usize>, Vec<CameraMatrix>) {
-        let chosen = search::choose(candidates, &self.base, &self.setting.options.free, self.motions, !self.started);
+        let chosen = search::choose(candidates, &self.base, &self.setting.free, self.motions, !self.started);
         let sums = chosen
             .iter()
             .scan(self.base, |sum, &i| {
@@ -377,15 +356,15 @@ impl Planner {
         };
         let whole: Vec<Candidate> =
             candidates.iter().map(|c| Candidate { information: of(&c.spec, self.motions), ..*c }).collect();
-        let best = search::choose(&whole, &self.base, &self.setting.options.free, 1, false);
+        let best = search::choose(&whole, &self.base, &self.setting.free, 1, false);
         let Some(&i) = best.first() else { return (best, Vec::new()) };
         let sums: Vec<CameraMatrix> =
             (1..=self.motions).map(|links| self.base + of(&candidates[i].spec, links)).collect();
         (vec![i; sums.len()], sums)
     }
 
-    fn undetermined(&self, direction: String, remedy: &str) -> Error {
-        Error::Undetermined { constraint: self.calibration.constraint.name(), direction, remedy: remedy.into() }
+    fn undetermined(&self, direction: String, remedies: Vec<Remedy>) -> Error {
+        Error::Undetermined { constraint: self.calibration.constraint.name(), direction, remedies }
     }
 
     /// What can be said before anything is computed.
@@ -399,7 +378,7 @@ impl Planner {
                      focal length",
                     largest.to_degrees()
                 ),
-                "Let it turn by 15 degrees or more between two pictures (--max-turn-deg)",
+                vec![Remedy::AllowLargerTurns],
             ));
         }
         if rig.pitches_down_rad.iter().all(|p| p.abs() > STRAIGHT_DOWN_RAD) {
@@ -407,7 +386,7 @@ impl Planner {
                 "the camera looks straight down on the floor in every picture, which says nothing of the focal length or the \
                  principal point, whatever the roll"
                     .into(),
-                "Tilt the camera to 30 to 60 degrees below the horizon (--tilts-deg)",
+                vec![Remedy::AllowTilts],
             ));
         }
         let needed = self.calibration.constraint.attitudes_needed();
@@ -419,7 +398,7 @@ impl Planner {
                 needed,
                 motions: self.motions,
                 attitudes,
-                alternative: "`--constraint auto`, `focal` or `fixed-pp`".into(),
+                alternatives: vec![Constraint::Auto, Constraint::Focal, Constraint::FixedPrincipalPoint],
             });
         }
         Ok(())
@@ -470,8 +449,7 @@ impl Planner {
                     100.0 * overlap,
                     100.0 * MIN_OVERLAP
                 ),
-                "Tilt the camera further down, turn it less, bring the axis of the turn nearer to the camera, or find a floor with \
-                 more texture",
+                vec![Remedy::ShowMoreFloor],
             ));
         }
         Ok(found)
@@ -482,21 +460,19 @@ impl Planner {
         let singular = || {
             self.undetermined(
                 format!("the motions do not tell its {} unknowns apart", self.calibration.constraint.unknowns()),
-                "Vary tilt and roll more, add motions, or use a stronger constraint (`--constraint auto` or `focal`)",
+                unclear(),
             )
         };
-        let free = &self.setting.options.free;
+        let free = &self.setting.free;
         let c = inverse_free(information, free).filter(|c| c[(0, 0)] < HOPELESS * HOPELESS).ok_or_else(singular)?;
         let of_matrix = c.fixed_view::<5, 5>(0, 0).into_owned();
         check_certainty(&of_matrix, self.calibration.constraint, 1, &self.setting.frame).map_err(
-            |error| {
-                match error {
-            Error::Undetermined { direction, .. } => self.undetermined(
-                direction.replacen("1 attitude would give", "the motions planned would give", 1),
-                "Vary tilt and roll more, add motions, or use a stronger constraint (`--constraint auto` or `focal`)",
-            ),
-            error => error,
-        }
+            |error| match error {
+                Error::Undetermined { direction, .. } => self.undetermined(
+                    direction.replacen("1 attitude would give", "the motions planned would give", 1),
+                    unclear(),
+                ),
+                error => error,
             },
         )?;
         let jacobian = pixels_by_camera(&self.intrinsics, &self.setting.frame);
@@ -533,7 +509,7 @@ impl Planner {
     fn priors(&self, covariance: &CameraMatrix) -> Vec<Prior> {
         let frame = &self.setting.frame;
         let of = |i: usize| {
-            let (mean, sigma) = self.setting.options.priors[i].filter(|_| self.setting.options.free[i])?;
+            let (mean, sigma) = self.setting.options.cameras[0].prior(i).filter(|_| self.setting.free[i])?;
             let (value, unit) = match i {
                 0 => (mean.exp() * frame.scale_px, mean.exp() * frame.scale_px),
                 1 => (mean.exp(), mean.exp()),
@@ -543,19 +519,19 @@ impl Planner {
                 _ => (mean, 1.0),
             };
             Some(Prior {
-                parameter: PriorParameter::ALL[i].name(),
+                parameter: PriorParameter::ALL[i],
                 mean: value,
                 sigma: sigma * unit,
                 posterior_over_prior: covariance[(i, i)].sqrt() / sigma,
             })
         };
-        (0..CAMERA).filter_map(of).collect()
+        (0..NUMBERS).filter_map(of).collect()
     }
 
     /// What the calibration of the motions planned is going to warn of.
     fn warnings(&self, motions: &[MotionSpec], covariance: &CameraMatrix, priors: &[Prior]) -> Vec<Warning> {
         let mut out = Vec::new();
-        let free = &self.setting.options.free;
+        let free = &self.setting.free;
         if !self.started {
             if motions.len() == 1 {
                 out.push(Warning::SingleMotion);
@@ -575,12 +551,19 @@ impl Planner {
             }
         }
         // A good camera's aspect ratio and a lens without distortion are no news.
-        let matters = |p: &&Prior| !["aspect", "k1", "k2"].contains(&p.parameter);
+        let matters =
+            |p: &&Prior| ![PriorParameter::Aspect, PriorParameter::K1, PriorParameter::K2].contains(&p.parameter);
         for p in priors.iter().filter(matters).filter(|p| p.posterior_over_prior > PRIOR_DECIDES) {
             out.push(Warning::PriorDecides { parameter: p.parameter, posterior_over_prior: p.posterior_over_prior });
         }
         out
     }
+}
+
+/// What to do where the motions of a plan leave the camera open.
+fn unclear() -> Vec<Remedy> {
+    let any_of = vec![Constraint::Auto, Constraint::Focal];
+    vec![Remedy::VaryTiltAndRoll, Remedy::MoreMotions, Remedy::UseConstraint { any_of }]
 }
 
 /// Variance (frame units) below which a number of a calibration was held: rounding of what is tied.

@@ -1,218 +1,241 @@
 //! Where each unknown of the joint refinement stands in its equations, and which tracks depend on the same ones.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
-use crate::geometry::frame::Frame;
-use crate::refine::{
-    model::{CAMERA, GROUP, SLOTS, SceneModel, VIEW},
-    problem::Prior,
-    tracks::Track,
+use crate::{
+    numerics::graph::{breadth_first, components},
+    refine::{
+        blocks::{CameraUnknowns, FRAME, FRAME_HEIGHT, GROUP, GROUP_HEIGHT, RIG_POSE, State},
+        residual::SceneModel,
+        tracks::Track,
+    },
 };
 
-/// Marks what has no column: held, or without effect.
-pub(super) const HELD: usize = usize::MAX;
-
-/// Where each unknown stands in the reduced equations.
-#[derive(Debug, Clone)]
-pub struct Layout {
-    /// Columns of the camera's numbers.
-    pub camera: [usize; CAMERA],
-    /// Columns of each group's.
-    pub groups: Vec<[usize; GROUP]>,
-    /// Columns of each view's.
-    pub views: Vec<[usize; VIEW]>,
-    /// Number of columns.
+/// Where the numbers of a block stand: those that are estimated have columns one after the other.
+#[derive(Debug, Clone, Default)]
+pub struct Block {
+    /// Column of the first of them.
+    pub offset: usize,
+    /// How many they are.
     pub size: usize,
+    columns: Vec<Option<usize>>,
 }
 
-impl Layout {
-    /// Whether a column stands for something estimated.
-    pub fn is_free(column: usize) -> bool {
-        column != HELD
+impl Block {
+    /// A block of which nothing is estimated.
+    fn held(numbers: usize) -> Self {
+        Self { offset: 0, size: 0, columns: vec![None; numbers] }
+    }
+
+    /// A block from a column on, which it moves on.
+    fn at(next: &mut usize, free: impl IntoIterator<Item = bool>) -> Self {
+        let offset = *next;
+        let columns = free
+            .into_iter()
+            .map(|free| {
+                *next += usize::from(free);
+                free.then(|| *next - 1)
+            })
+            .collect();
+        Self { offset, size: *next - offset, columns }
+    }
+
+    /// The column of a number; `None`: held, or without effect.
+    pub fn column(&self, number: usize) -> Option<usize> {
+        self.columns.get(number).copied().flatten()
+    }
+
+    /// The columns of all numbers in their order.
+    pub fn columns(&self) -> &[Option<usize>] {
+        &self.columns
+    }
+
+    /// (number, column) of those that are estimated.
+    pub fn free(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.columns.iter().enumerate().filter_map(|(number, column)| Some((number, (*column)?)))
     }
 }
 
-/// Tracks that are seen in the same views.
+/// The blocks of the reduced equations.
 #[derive(Debug, Clone)]
-pub(super) struct Cluster {
-    /// Views, ascending; the observations of its tracks have the same order.
-    pub(super) views: Vec<usize>,
-    pub(super) tracks: Vec<usize>,
-    /// Columns of the reduced system that any of the observations depends on.
-    pub(super) columns: Vec<usize>,
-    /// For each observation and slot its place in `columns`.
-    pub(super) place: Vec<[usize; SLOTS]>,
-    /// The places of each observation, ascending.
-    pub(super) occupied: Vec<Vec<usize>>,
+pub struct Layout {
+    /// Cameras.
+    pub cameras: Vec<Block>,
+    /// Their poses in the rig.
+    pub rig: Vec<Block>,
+    /// Attitude groups.
+    pub groups: Vec<Block>,
+    /// Frames.
+    pub frames: Vec<Block>,
+    /// Number of columns.
+    pub size: usize,
+    /// The component (set of frames that tracks connect) of each frame, named by its first.
+    pub component_of_frame: Vec<usize>,
+    /// First frames of the components: there the world's axes begin.
+    pub origins: Vec<usize>,
+    /// Those of them whose height is the unit of length. A rig with a baseline carries its unit from one component to the next.
+    pub units: Vec<usize>,
 }
 
-/// What a [`super::problem::Problem`] is made of.
+/// What a problem is made of.
 pub struct Ingredients<'a> {
     /// Floor or directions.
     pub scene: SceneModel,
-    /// Frame of all coordinates.
-    pub frame: &'a Frame,
     /// Points.
     pub tracks: &'a [Track],
-    /// Group of each view.
-    pub group_of_view: &'a [usize],
-    /// Which of the camera's numbers are estimated; aspect held means that fy follows fx.
-    pub free: [bool; CAMERA],
-    /// Their priors.
-    pub camera_priors: [Option<Prior>; CAMERA],
-    /// p1 and p2, held.
-    pub tangential: [f64; 2],
+    /// A state: what cameras, groups and frames there are.
+    pub state: &'a State,
+    /// What of the cameras is estimated.
+    pub cameras: &'a [CameraUnknowns],
     /// Deviation of residuals beyond which they count less.
     pub huber: f64,
 }
 
-/// The component (set of views that tracks connect) of each view, numbered by first view.
-pub fn components_of(views: usize, tracks: &[Track]) -> Vec<usize> {
-    let mut label: Vec<usize> = (0..views).collect();
-    fn find(label: &mut [usize], mut v: usize) -> usize {
-        while label[v] != v {
-            label[v] = label[label[v]];
-            v = label[v];
-        }
-        v
-    }
-    for t in tracks {
-        let root = find(&mut label, t.observations[0].view);
-        for o in &t.observations[1..] {
-            let other = find(&mut label, o.view);
-            let (low, high) = (find(&mut label, root).min(other), find(&mut label, root).max(other));
-            label[high] = low;
-        }
-    }
-    (0..views).map(|v| find(&mut label, v)).collect()
+/// The component (set of frames that tracks connect) of each frame, named by its first.
+pub fn components_of(frames: usize, tracks: &[Track]) -> Vec<usize> {
+    components(frames, tracks.iter().flat_map(|t| t.observations.windows(2).map(|w| (w[0].frame, w[1].frame))))
 }
 
-/// Views of each component in breadth-first order, its groups after it, the camera last: neighbours stay near the diagonal.
-pub(super) fn lay_out(i: &Ingredients<'_>, components: &[usize]) -> (Layout, Vec<usize>) {
-    let count = i.group_of_view.len();
-    let mut neighbours: Vec<std::collections::BTreeSet<usize>> = vec![Default::default(); count];
+/// Frames of each component in breadth-first order, their groups after them, rig and cameras last: neighbours stay near the diagonal.
+pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
+    let group_of: Vec<usize> = i.state.frames.iter().map(|f| f.group).collect();
+    let count = group_of.len();
+    let component_of_frame = components_of(count, i.tracks);
+    let mut neighbours: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); count];
+    let mut seen_by: Vec<BTreeSet<usize>> = vec![BTreeSet::new(); count];
     for t in i.tracks {
         for pair in t.observations.windows(2) {
-            neighbours[pair[0].view].insert(pair[1].view);
-            neighbours[pair[1].view].insert(pair[0].view);
+            neighbours[pair[0].frame].insert(pair[1].frame);
+            neighbours[pair[1].frame].insert(pair[0].frame);
+        }
+        for o in &t.observations {
+            seen_by[component_of_frame[o.frame]].insert(o.camera);
         }
     }
-    let groups = i.group_of_view.iter().max().map_or(0, |g| g + 1);
-    let mut layout = Layout {
-        camera: [HELD; CAMERA],
-        groups: vec![[HELD; GROUP]; groups],
-        views: vec![[HELD; VIEW]; count],
-        size: 0,
-    };
-    let mut next = 0;
-    let mut take = |slot: &mut usize| {
-        *slot = next;
-        next += 1;
-    };
     let floor = i.scene == SceneModel::Floor;
-    let members = |g: usize| i.group_of_view.iter().filter(|&&h| h == g).count();
-    let mut origins = Vec::new();
-    let mut placed_views = vec![false; count];
-    let mut placed_groups = vec![false; groups];
-    for root in 0..count {
-        if components[root] != root || neighbours[root].is_empty() {
+    let mut members = vec![0usize; i.state.groups.len()];
+    group_of.iter().for_each(|&g| members[g] += 1);
+    let shared = |frame: usize| members[group_of[frame]] > 1;
+    let has_baseline = i.cameras.iter().skip(1).any(|c| c.rig_free[3..].contains(&true));
+    let mut layout = Layout {
+        cameras: Vec::new(),
+        rig: Vec::new(),
+        groups: vec![Block::held(GROUP); members.len()],
+        frames: vec![Block::held(FRAME); count],
+        size: 0,
+        component_of_frame,
+        origins: Vec::new(),
+        units: Vec::new(),
+    };
+    let mut placed = vec![false; members.len()];
+    let mut unit_carried = false;
+    for (root, cameras) in seen_by.iter().enumerate() {
+        if layout.component_of_frame[root] != root || cameras.is_empty() {
             continue;
         }
-        origins.push(root);
-        let mut queue = std::collections::VecDeque::from([root]);
-        placed_views[root] = true;
-        let mut order = Vec::new();
-        while let Some(v) = queue.pop_front() {
-            order.push(v);
-            for &n in &neighbours[v] {
-                if !placed_views[n] {
-                    placed_views[n] = true;
-                    queue.push_back(n);
-                }
-            }
+        layout.origins.push(root);
+        let by_rig = has_baseline && cameras.len() > 1;
+        let is_unit = !(by_rig && std::mem::replace(&mut unit_carried, true));
+        if is_unit {
+            layout.units.push(root);
         }
-        // Directions have no up of their own: unless two views share an attitude, any rotation of the world will do.
-        let has_axis = floor || order.iter().any(|&v| members(i.group_of_view[v]) > 1);
+        let order = breadth_first(&neighbours, root);
+        // Directions have no up of their own: unless two frames share an attitude, any rotation of the world will do.
+        let has_axis = floor || order.iter().any(|&v| shared(v));
         for &v in &order {
-            let columns = &mut layout.views[v];
-            if members(i.group_of_view[v]) > 1 || floor {
-                take(&mut columns[0]);
-                take(&mut columns[1]);
-            }
-            if v != root {
-                take(&mut columns[2]);
-                if floor {
-                    take(&mut columns[3]);
-                    take(&mut columns[4]);
-                    take(&mut columns[5]);
-                }
-            }
+            let (strays, moves) = (shared(v), v != root);
+            // What has a group of its own has no height over that of the group.
+            let height = floor && strays && (moves || !is_unit);
+            let free = [strays, strays, moves, floor && moves, floor && moves, height];
+            layout.frames[v] = Block::at(&mut layout.size, free);
         }
         for &v in &order {
-            let g = i.group_of_view[v];
-            if std::mem::replace(&mut placed_groups[g], true) {
+            if std::mem::replace(&mut placed[group_of[v]], true) {
                 continue;
             }
-            let held = v == root && !has_axis;
-            if !held {
-                take(&mut layout.groups[g][0]);
-                take(&mut layout.groups[g][1]);
-            }
-            if floor {
-                take(&mut layout.groups[g][2]);
-            }
+            let turns = v != root || has_axis;
+            let height = floor && (shared(v) || v != root || !is_unit);
+            layout.groups[group_of[v]] = Block::at(&mut layout.size, [turns, turns, height]);
         }
     }
-    for (k, free) in i.free.iter().enumerate() {
-        if *free {
-            take(&mut layout.camera[k]);
-        }
+    for (k, (camera, unknowns)) in i.state.cameras.iter().zip(i.cameras).enumerate() {
+        let rig_free: [bool; RIG_POSE] = std::array::from_fn(|n| k > 0 && unknowns.rig_free[n] && (n < 3 || floor));
+        layout.rig.push(Block::at(&mut layout.size, rig_free));
+        layout.cameras.push(Block::at(&mut layout.size, (0..camera.count()).map(|n| unknowns.is_free(n))));
     }
-    layout.size = next;
-    (layout, origins)
+    layout
 }
 
-pub(super) fn cluster(i: &Ingredients<'_>, layout: &Layout, origins: &[usize]) -> Vec<Cluster> {
-    let mut by_views: BTreeMap<Vec<usize>, Vec<usize>> = BTreeMap::new();
+/// (number in its block, place among a cluster's columns) of what is estimated.
+pub(crate) type Places = Vec<(usize, usize)>;
+
+/// Where the derivatives of an observation go.
+#[derive(Debug, Clone)]
+pub(crate) struct ObservationPlaces {
+    pub(crate) camera: Places,
+    pub(crate) rig: Places,
+    pub(crate) group: Places,
+    pub(crate) frame: Places,
+    /// All places, ascending.
+    pub(crate) occupied: Vec<usize>,
+}
+
+/// Tracks that are seen in the same images.
+#[derive(Debug, Clone)]
+pub(crate) struct Cluster {
+    /// (frame, camera), ascending; the observations of its tracks have the same order.
+    pub(crate) images: Vec<(usize, usize)>,
+    pub(crate) tracks: Vec<usize>,
+    /// Columns of the reduced system that any of the observations depends on, ascending.
+    pub(crate) columns: Vec<usize>,
+    /// One an observation.
+    pub(crate) places: Vec<ObservationPlaces>,
+}
+
+pub(crate) fn cluster(i: &Ingredients<'_>, layout: &Layout) -> Vec<Cluster> {
+    let mut by_images: BTreeMap<Vec<(usize, usize)>, Vec<usize>> = BTreeMap::new();
     for (t, track) in i.tracks.iter().enumerate() {
-        by_views.entry(track.observations.iter().map(|o| o.view).collect()).or_default().push(t);
+        by_images.entry(track.observations.iter().map(|o| (o.frame, o.camera)).collect()).or_default().push(t);
     }
-    by_views
+    // (number, column) by block of an image.
+    let free_of = |&(frame, camera): &(usize, usize)| -> [Places; 4] {
+        let group = &layout.groups[i.state.frames[frame].group];
+        // The unit of length is 1 whatever the height of its group.
+        let is_unit = layout.units.contains(&frame);
+        let of_group = group.free().filter(|(number, _)| !(is_unit && *number == GROUP_HEIGHT));
+        [
+            layout.cameras[camera].free().collect(),
+            layout.rig[camera].free().collect(),
+            of_group.collect(),
+            layout.frames[frame].free().collect(),
+        ]
+    };
+    by_images
         .into_iter()
-        .map(|(views, tracks)| {
-            let slots: Vec<[usize; SLOTS]> = views
-                .iter()
-                .map(|&v| {
-                    let mut slots = [HELD; SLOTS];
-                    slots[..CAMERA].copy_from_slice(&layout.camera);
-                    slots[CAMERA..CAMERA + GROUP].copy_from_slice(&layout.groups[i.group_of_view[v]]);
-                    slots[CAMERA + GROUP..].copy_from_slice(&layout.views[v]);
-                    if origins.contains(&v) {
-                        // Its height is 1 whatever that of its group.
-                        slots[CAMERA + 2] = HELD;
-                    }
-                    slots
+        .map(|(images, tracks)| {
+            let free: Vec<[Places; 4]> = images.iter().map(free_of).collect();
+            let all: BTreeSet<usize> = free.iter().flatten().flatten().map(|(_, column)| *column).collect();
+            let columns: Vec<usize> = all.into_iter().collect();
+            let place = |column: usize| columns.partition_point(|c| *c < column);
+            let places = free
+                .into_iter()
+                .map(|blocks| {
+                    let [camera, rig, group, frame] =
+                        blocks.map(|b| b.into_iter().map(|(number, c)| (number, place(c))).collect::<Places>());
+                    let mut occupied: Vec<usize> =
+                        [&camera, &rig, &group, &frame].into_iter().flatten().map(|(_, place)| *place).collect();
+                    occupied.sort_unstable();
+                    ObservationPlaces { camera, rig, group, frame, occupied }
                 })
                 .collect();
-            let columns: Vec<usize> = slots
-                .iter()
-                .flatten()
-                .copied()
-                .filter(|c| *c != HELD)
-                .collect::<std::collections::BTreeSet<_>>()
-                .into_iter()
-                .collect();
-            let place: Vec<[usize; SLOTS]> = slots
-                .iter()
-                .map(|s| s.map(|c| if c == HELD { HELD } else { columns.partition_point(|d| *d < c) }))
-                .collect();
-            let sorted = |s: &[usize; SLOTS]| {
-                let mut places: Vec<usize> = s.iter().copied().filter(|p| *p != HELD).collect();
-                places.sort_unstable();
-                places
-            };
-            let occupied = place.iter().map(sorted).collect();
-            Cluster { views, tracks, columns, place, occupied }
+            Cluster { images, tracks, columns, places }
         })
         .collect()
+}
+
+impl Layout {
+    /// The column of the height's deviation of a frame.
+    pub(crate) fn height_column(&self, frame: usize) -> Option<usize> {
+        self.frames[frame].column(FRAME_HEIGHT)
+    }
 }

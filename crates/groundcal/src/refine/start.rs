@@ -5,10 +5,13 @@
 
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
-use crate::geometry::{homography::Homography, intrinsics::Intrinsics};
 use crate::refine::{
-    model::{CameraVector, GroupState, SceneModel, ViewState},
-    problem::State,
+    blocks::{CameraState, FrameState, GroupState, State},
+    residual::SceneModel,
+};
+use crate::{
+    geometry::{homography::Homography, intrinsics::Intrinsics},
+    numerics::graph::{Reached, spanning_forest},
 };
 
 /// A pair of views joined by a homography of the floor (or of directions) between ideal pixels.
@@ -24,10 +27,29 @@ pub struct Link {
     pub matches: usize,
 }
 
+impl Link {
+    /// The homography that leads away from one of its two views.
+    fn to_other_end(&self, view: usize) -> Homography {
+        if view == self.from { self.h_to_from } else { self.h_to_from.inverse() }
+    }
+}
+
+/// Views in the order in which the links lead to them, those of most matches first; indices are those of `links`.
+fn along_best(count: usize, links: &[Link]) -> Vec<Reached> {
+    let mut order: Vec<usize> = (0..links.len()).collect();
+    order.sort_by_key(|&l| std::cmp::Reverse(links[l].matches));
+    let edges: Vec<(usize, usize)> = order.iter().map(|&l| (links[l].from, links[l].to)).collect();
+    let mut reached = spanning_forest(count, &edges);
+    for (edge, _) in reached.iter_mut().filter_map(|r| r.by.as_mut()) {
+        *edge = order[*edge];
+    }
+    reached
+}
+
 /// The state: `attitudes` of the groups, `group_of_view` of the views. `None` when a link's homography fits no camera.
 pub fn state_from_links(
     scene: SceneModel,
-    camera: CameraVector,
+    camera: CameraState,
     k_px: &Intrinsics,
     attitudes: &[Matrix3<f64>],
     group_of_view: &[usize],
@@ -37,40 +59,30 @@ pub fn state_from_links(
     let count = group_of_view.len();
     // Camera from world rotation and optical centre.
     let mut poses: Vec<Option<(Matrix3<f64>, Vector3<f64>)>> = vec![None; count];
-    let mut order: Vec<&Link> = links.iter().collect();
-    order.sort_by_key(|l| std::cmp::Reverse(l.matches));
     let (k, k_inverse) = (k_px.matrix(), k_px.inverse_matrix());
-    for root in 0..count {
-        if poses[root].is_some() {
+    for reached in along_best(count, links) {
+        let Reached { node, by: Some((link, known)) } = reached else {
+            poses[reached.node] = Some((attitudes[group_of_view[reached.node]], Vector3::z()));
             continue;
-        }
-        poses[root] = Some((attitudes[group_of_view[root]], Vector3::z()));
-        // The best link that leads on, until none does (Prim).
-        while let Some(link) = order.iter().find(|l| poses[l.from].is_some() != poses[l.to].is_some()) {
-            let (known, new, h) = if poses[link.from].is_some() {
-                (link.from, link.to, link.h_to_from)
-            } else {
-                (link.to, link.from, link.h_to_from.inverse())
-            };
-            let (rotation, centre) = poses[known]?;
-            let m = k_inverse * h.matrix() * k;
-            poses[new] = Some(match scene {
-                SceneModel::Floor => {
-                    let [x, y] = [0, 1].map(|i| rotation.column(i).into_owned());
-                    pose_from_floor(&(m * Matrix3::from_columns(&[x, y, -(rotation * centre)])))?
-                }
-                SceneModel::Directions => (nearest_rotation(&m)? * rotation, Vector3::z()),
-            });
-        }
+        };
+        let (rotation, centre) = poses[known]?;
+        let m = k_inverse * links[link].to_other_end(known).matrix() * k;
+        poses[node] = Some(match scene {
+            SceneModel::Floor => {
+                let [x, y] = [0, 1].map(|i| rotation.column(i).into_owned());
+                pose_from_floor(&(m * Matrix3::from_columns(&[x, y, -(rotation * centre)])))?
+            }
+            SceneModel::Directions => (nearest_rotation(&m)? * rotation, Vector3::z()),
+        });
     }
-    let views = group_of_view
+    let frames = group_of_view
         .iter()
         .zip(&poses)
         .map(|(&group, pose)| {
             let (rotation, centre) = (*pose)?;
             // A D Rz(-yaw) with D near the identity.
             let turn = attitudes[group].tr_mul(&rotation);
-            Some(ViewState {
+            Some(FrameState {
                 group,
                 delta_rad: [0.0; 2],
                 yaw_rad: (turn[(0, 1)] - turn[(1, 0)]).atan2(turn[(0, 0)] + turn[(1, 1)]),
@@ -79,7 +91,7 @@ pub fn state_from_links(
             })
         })
         .collect::<Option<Vec<_>>>()?;
-    Some(State { camera, groups, views, points: Vec::new() })
+    Some(State::of_one_camera(camera, groups, frames))
 }
 
 /// How far a homography between two views is from one of the floor that both have a known attitude to: the sine of the angle
@@ -123,14 +135,11 @@ pub fn rotations_from_links(
     let (k, k_inverse) = (k_px.matrix(), k_px.inverse_matrix());
     let mut rotations = vec![None; count];
     *rotations.first_mut()? = Some(first);
-    let mut order: Vec<&Link> = links.iter().collect();
-    order.sort_by_key(|l| std::cmp::Reverse(l.matches));
-    while let Some(l) = order.iter().find(|l| rotations[l.from].is_some() != rotations[l.to].is_some()) {
-        let (known, new, h) = match rotations[l.from] {
-            Some(r) => (r, l.to, l.h_to_from),
-            None => (rotations[l.to]?, l.from, l.h_to_from.inverse()),
-        };
-        rotations[new] = Some(nearest_rotation(&(k_inverse * h.matrix() * k))? * known);
+    for Reached { node, by } in along_best(count, links).into_iter().skip(1) {
+        // What no link leads to belongs to no turn of this camera.
+        let (link, known) = by?;
+        let turn = nearest_rotation(&(k_inverse * links[link].to_other_end(known).matrix() * k))?;
+        rotations[node] = Some(turn * rotations[known]?);
     }
     rotations.into_iter().collect()
 }

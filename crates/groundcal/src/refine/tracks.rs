@@ -7,12 +7,25 @@ use nalgebra::{Matrix2, Vector2};
 /// Where a point is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Observation {
-    /// Index of the view.
-    pub view: usize,
+    /// Index of the frame: the moment at which it is seen.
+    pub frame: usize,
+    /// Index of the camera of the rig that sees it.
+    pub camera: usize,
     /// In pixels, (0, 0) the centre of the top-left pixel.
     pub pixel: Vector2<f64>,
     /// Inverse covariance, pixels⁻².
     pub information: Matrix2<f64>,
+}
+
+impl Observation {
+    /// By the first camera, with the same deviation in all directions.
+    pub fn new(frame: usize, pixel: Vector2<f64>, sigma_px: f64) -> Self {
+        Self { frame, camera: 0, pixel, information: Matrix2::from_diagonal_element(sigma_px.powi(-2)) }
+    }
+
+    fn image(&self) -> (usize, usize) {
+        (self.frame, self.camera)
+    }
 }
 
 /// Kinds of measurement, each with a noise of its own.
@@ -27,7 +40,7 @@ pub enum Kind {
 /// Number of kinds.
 pub const KINDS: usize = 2;
 
-/// A point and where it is seen: each view once, in ascending order.
+/// A point and where it is seen: each frame and camera once, in ascending order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Track {
     /// How it was measured.
@@ -39,10 +52,10 @@ pub struct Track {
 /// Joins matches that share a point of an image (the very same coordinates). A match that would put a second point of one
 /// image into a track starts one of its own. The order of the matches decides the order of the tracks.
 pub fn join_matches(kind: Kind, matches: &[[Observation; 2]]) -> Vec<Track> {
-    let key = |o: &Observation| (o.view, o.pixel.x.to_bits(), o.pixel.y.to_bits());
+    let key = |o: &Observation| (o.image(), o.pixel.x.to_bits(), o.pixel.y.to_bits());
     // A track under construction: observations, and how many matches speak for each.
     let mut tracks: Vec<Vec<(Observation, f64)>> = Vec::new();
-    let mut track_of: HashMap<(usize, u64, u64), usize> = HashMap::new();
+    let mut track_of: HashMap<((usize, usize), u64, u64), usize> = HashMap::new();
     let put = |tracks: &mut Vec<Vec<(Observation, f64)>>, t: usize, o: &Observation| {
         if let Some((known, count)) = tracks[t].iter_mut().find(|(known, _)| key(known) == key(o)) {
             known.information += o.information;
@@ -53,7 +66,8 @@ pub fn join_matches(kind: Kind, matches: &[[Observation; 2]]) -> Vec<Track> {
     };
     for [a, b] in matches {
         let (ta, tb) = (track_of.get(&key(a)).copied(), track_of.get(&key(b)).copied());
-        let takes = |t: usize, o: &Observation| tracks[t].iter().all(|(k, _)| k.view != o.view || key(k) == key(o));
+        let takes =
+            |t: usize, o: &Observation| tracks[t].iter().all(|(k, _)| k.image() != o.image() || key(k) == key(o));
         let target = match (ta, tb) {
             (Some(s), Some(t)) if s == t => Some(s),
             (Some(s), Some(t)) => {
@@ -84,7 +98,7 @@ pub fn join_matches(kind: Kind, matches: &[[Observation; 2]]) -> Vec<Track> {
         .into_iter()
         .filter(|t| t.len() >= 2)
         .map(|mut t| {
-            t.sort_by_key(|(o, _)| o.view);
+            t.sort_by_key(|(o, _)| o.image());
             let observations =
                 t.into_iter().map(|(o, count)| Observation { information: o.information / count, ..o }).collect();
             Track { kind, observations }
@@ -96,12 +110,12 @@ pub fn join_matches(kind: Kind, matches: &[[Observation; 2]]) -> Vec<Track> {
 mod tests {
     use super::*;
 
-    fn seen(view: usize, x: f64) -> Observation {
-        Observation { view, pixel: Vector2::new(x, 1.0), information: Matrix2::identity() }
+    fn seen(frame: usize, x: f64) -> Observation {
+        Observation::new(frame, Vector2::new(x, 1.0), 1.0)
     }
 
-    fn views(t: &Track) -> Vec<usize> {
-        t.observations.iter().map(|o| o.view).collect()
+    fn frames(t: &Track) -> Vec<usize> {
+        t.observations.iter().map(|o| o.frame).collect()
     }
 
     #[test]
@@ -117,7 +131,7 @@ mod tests {
                 [seen(4, 1.0), seen(5, 1.0)],
             ],
         );
-        assert_eq!(tracks.iter().map(views).collect::<Vec<_>>(), [vec![0, 1, 2, 3], vec![0, 3], vec![4, 5]]);
+        assert_eq!(tracks.iter().map(frames).collect::<Vec<_>>(), [vec![0, 1, 2, 3], vec![0, 3], vec![4, 5]]);
         assert!(tracks[0].observations.iter().all(|o| (o.information - Matrix2::identity()).norm() < 1e-15));
     }
 }

@@ -4,11 +4,16 @@
 //! Without this, twenty noisy copies of one attitude look like twenty slightly different attitudes, and the noise between
 //! them passes for information on the principal point.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Complex, Matrix4, Vector4};
 
 use crate::{
+    error::Error,
     geometry::intrinsics::Intrinsics,
-    numerics::statistics::chi_squared_survival,
+    ids::ImageId,
+    numerics::{graph::components, statistics::chi_squared_survival},
+    observer::{Observer, Silent},
     pairs::circular_points::{CircularPoint, MotionGeometry},
     start::absolute_conic::WeightedPoint,
 };
@@ -16,10 +21,10 @@ use crate::{
 /// A pair of views with what its homography says.
 #[derive(Debug, Clone)]
 pub struct Motion {
-    /// Index of the first view.
-    pub from: usize,
-    /// Index of the second view.
-    pub to: usize,
+    /// The first image.
+    pub from: ImageId,
+    /// The second image.
+    pub to: ImageId,
     /// Circular point, angle, ρ.
     pub geometry: MotionGeometry,
     /// Where the matched points lie.
@@ -126,6 +131,19 @@ fn weighted_points(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) 
 /// Joins motions that share an attitude, with axis errors of `attitude_sigma_rad` as seen by the camera `k` (frame units):
 /// those that share an image, since an image has one attitude, and those whose circular points agree.
 pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) -> Vec<AttitudeGroup> {
+    group_attitudes_until(motions, k, attitude_sigma_rad, &Silent).unwrap_or_default()
+}
+
+/// The same under an observer's eyes.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn group_attitudes_until(
+    motions: &[Motion],
+    k: &Intrinsics,
+    attitude_sigma_rad: f64,
+    observer: &dyn Observer,
+) -> Result<Vec<AttitudeGroup>, Error> {
     let weighted = weighted_points(motions, k, attitude_sigma_rad);
     let mut groups: Vec<AttitudeGroup> =
         connected_by_images(motions).into_iter().map(|members| join(members, &weighted, motions)).collect();
@@ -135,6 +153,7 @@ pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f
     });
     let mut apart: Vec<AttitudeGroup> = Vec::new();
     for group in groups {
+        observer.go_on()?;
         let nearest = apart
             .iter_mut()
             .map(|g| (attitude_distance(&g.fused, &group.fused, 0.0), g))
@@ -154,26 +173,20 @@ pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f
         group.members.sort_unstable();
     }
     apart.sort_by_key(|g| g.members[0]);
-    apart
+    Ok(apart)
 }
 
-/// Sets of motions joined by common images.
+/// Sets of motions joined by common images, in the order of their last members.
 fn connected_by_images(motions: &[Motion]) -> Vec<Vec<usize>> {
-    let mut sets: Vec<(std::collections::BTreeSet<usize>, Vec<usize>)> = Vec::new();
+    let images = motions.iter().map(|m| m.from.max(m.to).index() + 1).max().unwrap_or(0);
+    let label = components(images, motions.iter().map(|m| (m.from.index(), m.to.index())));
+    let mut sets: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (i, m) in motions.iter().enumerate() {
-        let (mut images, mut members) = (std::collections::BTreeSet::from([m.from, m.to]), vec![i]);
-        sets.retain_mut(|(known, list)| {
-            let touches = known.contains(&m.from) || known.contains(&m.to);
-            if touches {
-                images.append(known);
-                members.append(list);
-            }
-            !touches
-        });
-        members.sort_unstable();
-        sets.push((images, members));
+        sets.entry(label[m.from.index()]).or_default().push(i);
     }
-    sets.into_iter().map(|(_, members)| members).collect()
+    let mut sets: Vec<Vec<usize>> = sets.into_values().collect();
+    sets.sort_by_key(|members| members.last().copied());
+    sets
 }
 
 /// One circular point for motions of one attitude. All pairs among V images repeat the noise of V - 1 independent ones,
@@ -189,7 +202,7 @@ fn join(members: Vec<usize>, weighted: &[WeightedPoint], motions: &[Motion]) -> 
             fused = next;
         }
     }
-    let images: std::collections::BTreeSet<usize> =
+    let images: std::collections::BTreeSet<ImageId> =
         members.iter().flat_map(|&m| [motions[m].from, motions[m].to]).collect();
     let repeated = (members.len() as f64 / (images.len() - 1) as f64).max(1.0);
     let mut disagreement = 1.0;

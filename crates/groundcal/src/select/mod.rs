@@ -1,4 +1,7 @@
-//! Which pairs are plane-normal motions, and which of them share an attitude.
+//! Which pairs are motions, of which kind, and which motions share an attitude.
 
 pub mod attitude_groups;
-pub mod plane_normal;
+pub(crate) mod consistent_set;
+pub(crate) mod plane_normal;
+pub(crate) mod rotations;
+pub(crate) mod selection;

@@ -1,297 +1,138 @@
-//! Which pairs of views are plane-normal motions.
-//!
-//! The largest set of motions whose circular points agree with one camera: every candidate founds a hypothesis, which
-//! grows by the candidate that one camera explains best (logarithm of the odds of "on the conic of this camera", with the
-//! camera's own uncertainty, against "anywhere"), is refitted after each, and is scored by the sum of these. An image has
-//! one attitude, so motions that share an image must have the same circular point.
-//!
-//! A head that tilts about its optical centre also gives circular points on the conic, those of the planes across its tilt
-//! axis. They are told from the floor's by the horizon: a floor lies on one side of it. Motions with points on both sides
-//! (far scenes, a camera turning on the spot) are taken only where the floor does not explain the images.
-
-use nalgebra::{Matrix4, SMatrix};
-use rayon::prelude::*;
+//! Which pairs of views are plane-normal motions: those that one camera explains (see [`crate::select::consistent_set`]).
 
 use crate::{
-    select::attitude_groups::{DIFFERENT_ATTITUDE, Motion, Sides, attitude_distance},
-    start::absolute_conic::{ConicSolution, Parameters, Priors, WeightedPoint, agreement, intrinsics_of, refine},
+    error::Error,
+    geometry::{frame::Frame, size::ImageSize},
+    ids::PairId,
+    observer::Observer,
+    pairs::observation::{PairObservation, TurningPlane, why_no_motion},
+    remedy::Remedy,
+    select::{
+        attitude_groups::{Motion, Sides},
+        consistent_set::{ConsistencyOptions, ConsistentSet, Verdict, find_consistent},
+        selection::{MotionKind, PairVerdict, Rejection, Selection},
+    },
 };
 
-/// Options of [`find_consistent`].
+/// Prior of the principal point in the search for consistent motions, as a fraction of the width: nothing should be lost to
+/// an odd lens.
+const SEARCH_PRINCIPAL_POINT_SIGMA: f64 = 0.1;
+/// Least deviation of the attitudes in the search: what is left of lens distortion and of a scene that is not quite a plane
+/// moves circular points by more than the noise says, and a motion is not to be lost for it. Pairs of images of different
+/// attitudes are off by degrees.
+const SEARCH_ATTITUDE_SIGMAS_DEG: [f64; 3] = [0.3, 1.0, 2.5];
+/// Deviation of the k1 that the search takes to be still there, given or not: a given one has its own error and no lens has
+/// k1 alone.
+const SEARCH_K1_SIGMA: f64 = 0.05;
+/// Deviation of a circular point's direction in the search for all other faults of the model (higher distortion, a scene not
+/// quite flat or not quite at infinity): a third of a degree.
+const SEARCH_DIRECTION_SIGMA: f64 = 0.006;
+/// Fraction of points beyond the horizon from which on a scene is no floor.
+const MINOR_SIDE: f64 = 0.05;
+/// Squared distance beyond which a motion disagrees with the camera of the others: 99.9 % of chi-squared with two degrees
+/// of freedom.
+const MOTION_GATE: f64 = 13.8;
+/// Candidates from which on agreement beyond coincidence is asked for: of two that disagree the better one is used.
+const MIN_CANDIDATES_TO_AGREE: usize = 3;
+
+/// Options of [`select_plane_normal`].
 #[derive(Debug, Clone, Copy)]
-pub struct ConsistencyOptions {
-    /// Standard deviation of each view's attitude about the axes across the floor's normal, in radians.
-    pub attitude_sigma_rad: f64,
-    /// Standard deviation of a radial distortion k1 that was not undone.
-    pub k1_sigma: f64,
-    /// Standard deviation of each tangent coordinate of a circular point for other faults of the model.
-    pub direction_sigma: f64,
-    /// Standard deviation of the principal point from the frame's origin, frame units.
-    pub principal_point_sigma: f64,
+pub(crate) struct PlaneNormalOptions {
+    /// Size of the images.
+    pub(crate) size: ImageSize,
+    /// Frame of the homographies.
+    pub(crate) frame: Frame,
     /// Expected fy / fx.
-    pub aspect: f64,
-    /// Squared distance (two degrees of freedom) beyond which a motion disagrees.
-    pub gate: f64,
+    pub(crate) aspect: f64,
+    /// Standard deviation of each view's attitude about the axes across the plane's normal, degrees; `None`: found.
+    pub(crate) attitude_sigma_deg: Option<f64>,
+    /// All pairs are known to be motions.
+    pub(crate) trusted: bool,
+    /// Fewest matches on a plane, for the error's words.
+    pub(crate) min_matches: usize,
 }
 
-/// What became of a candidate.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Verdict {
-    /// In the consistent set.
-    Accepted,
-    /// Its points lie on both sides of the horizon it implies, where a floor explains the others.
-    WrongSides,
-    /// Its circular point is this many standard deviations off the conic of the others.
-    Disagrees {
-        /// Square root of the Mahalanobis distance.
-        sigmas: f64,
-    },
-    /// An accepted motion gives one of its images another attitude.
-    OtherAttitude {
-        /// Index of the accepted motion.
-        motion: usize,
-        /// The image they share.
-        image: usize,
-        /// Square root of the Mahalanobis distance between the circular points.
-        sigmas: f64,
-    },
-}
-
-/// What a set must have beyond that: odds of twenty to one.
-const MARGIN_LOG_ODDS: f64 = 3.0;
-
-/// Odds (logarithm) given beforehand to a pair of images that follow each other: people take the two images of a motion one
-/// after the other. Any other pair has odds of one to the number of pairs tried, so that chance agreement of one among many
-/// counts for nothing.
-const NEIGHBOUR_LOG_ODDS: f64 = 0.0;
-
-/// Logarithm of how much likelier this ρ is for a motion than for a pair of other views: most cameras keep their height to a
-/// few per cent, any two views have any ratio.
-fn height_log_odds(rho: f64, rho_sigma: f64) -> f64 {
-    const SPREAD: f64 = 0.3;
-    const KEPT: f64 = 0.02;
-    const KEEPING: f64 = 0.8;
-    let ln_rho = rho.max(1e-3).ln();
-    let noise = (rho_sigma / rho.max(1e-3)).powi(2);
-    let density = |sigma: f64| {
-        let variance = sigma * sigma + noise;
-        (-0.5 * ln_rho * ln_rho / variance).exp() / variance.sqrt()
-    };
-    let free = density(SPREAD).max(f64::MIN_POSITIVE);
-    ((KEEPING * density(KEPT) + (1.0 - KEEPING) * free) / free).ln()
-}
-
-struct Hypothesis {
-    members: Vec<usize>,
-    score: f64,
-    solution: ConicSolution,
-}
-
-/// Gives the images of a motion, and all that are joined to either, one label.
-fn join(labels: &mut [usize], motion: &Motion) {
-    let (keep, change) = (labels[motion.from], labels[motion.to]);
-    for label in labels.iter_mut().filter(|l| **l == change) {
-        *label = keep;
-    }
-}
-
-struct Search<'a> {
-    motions: &'a [Motion],
-    priors: Priors,
-    options: &'a ConsistencyOptions,
-    /// Squared attitude distances for a middling camera.
-    distances: Vec<Vec<f64>>,
-}
-
-/// The widest spread of focal lengths allowed for in the search alone: fx is 0.9 of the mean side, times or over 3 (two
-/// standard deviations).
-const SEARCH_LN_F: (f64, f64) = (0.6, 0.55);
-
-impl Search<'_> {
-    /// A motion's circular point with its covariance, all but the distortion.
-    fn undistorted(&self, index: usize, p: &Parameters) -> WeightedPoint {
-        let point = self.motions[index].geometry.circular_point.clone();
-        let covariance = point.total_covariance(&intrinsics_of(p), self.options.attitude_sigma_rad)
-            + Matrix4::from_diagonal_element(self.options.direction_sigma.powi(2));
-        WeightedPoint { point, covariance }
-    }
-
-    /// The same with the distortion as noise of its own.
-    fn weighted(&self, index: usize, p: &Parameters) -> WeightedPoint {
-        let mut weighted = self.undistorted(index, p);
-        if let Some(shift) = weighted.point.by_k1 {
-            weighted.covariance += shift * shift.transpose() * self.options.k1_sigma.powi(2);
-        }
-        weighted
-    }
-
-    fn solve(&self, members: &[usize], start: &Parameters) -> Option<ConicSolution> {
-        let points: Vec<WeightedPoint> = members.iter().map(|&i| self.weighted(i, start)).collect();
-        refine(&points, start, [true, true, true, true, false], &self.priors)
-    }
-
-    fn found(&self, seed: usize) -> Option<ConicSolution> {
-        let mut best: Option<ConicSolution> = None;
-        for f in [0.9f64, 1.8, 3.6] {
-            let start = Parameters::from([f.ln(), self.options.aspect.ln(), 0.0, 0.0, 0.0]);
-            let Some(out) = self.solve(&[seed], &start) else { continue };
-            if best.as_ref().is_none_or(|b| out.chi_squared < b.chi_squared) {
-                best = Some(out);
-            }
-        }
-        best
-    }
-
-    fn log_odds_beforehand(&self, index: usize) -> f64 {
-        let m = &self.motions[index];
-        let order = if m.to.abs_diff(m.from) == 1 { NEIGHBOUR_LOG_ODDS } else { -(self.motions.len() as f64).ln() };
-        order + height_log_odds(m.geometry.rho, m.geometry.rho_sigma)
-    }
-
-    /// Whether a candidate contradicts a set whose images carry the labels of the parts they are joined to. Images joined by
-    /// motions share one attitude, so every candidate among them, member or not, must have the circular point of the one to
-    /// be added: of three images of which two share an attitude, the two false pairs may well agree with each other, but not
-    /// with the true one.
-    fn conflicts(&self, index: usize, labels: &[usize]) -> bool {
-        let new = &self.motions[index];
-        let joined = [labels[new.from], labels[new.to]];
-        let among = |m: &Motion| joined.contains(&labels[m.from]) && joined.contains(&labels[m.to]);
-        self.motions
-            .iter()
-            .enumerate()
-            .any(|(i, m)| i != index && among(m) && self.distances[index][i] > DIFFERENT_ATTITUDE)
-    }
-
-    fn grow(&self, seed: usize) -> Option<Hypothesis> {
-        // Far points may lie on one side of the horizon by chance; points of a floor never lie on both.
-        let floor = self.motions[seed].sides == Sides::One;
-        let suits = |i: usize| !floor || self.motions[i].sides == Sides::One;
-        let mut solution = self.found(seed)?;
-        if solution.chi_squared > 2.0 * self.options.gate {
-            return None;
-        }
-        let mut members = vec![seed];
-        let mut score = self.log_odds_beforehand(seed);
-        let images = self.motions.iter().map(|m| m.from.max(m.to) + 1).max().unwrap_or(0);
-        let mut labels: Vec<usize> = (0..images).collect();
-        join(&mut labels, &self.motions[seed]);
-        // Out for good: what contradicts a set contradicts every larger one.
-        let mut open: Vec<usize> = (0..self.motions.len()).filter(|&i| i != seed && suits(i)).collect();
-        loop {
-            let mut offers: Vec<(usize, f64)> = open
-                .iter()
-                .filter_map(|&i| {
-                    let w = self.weighted(i, &solution.parameters);
-                    let (distance, odds) = agreement(&solution.parameters, &solution.covariance, &w)?;
-                    (distance < self.options.gate).then_some((i, odds + self.log_odds_beforehand(i)))
-                })
-                .filter(|(_, gain)| *gain > 0.0)
-                .collect();
-            offers.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-            let mut chosen = None;
-            for (i, gain) in offers {
-                if !self.conflicts(i, &labels) {
-                    chosen = Some((i, gain));
-                    break;
-                }
-                open.retain(|&o| o != i);
-            }
-            let Some((index, gain)) = chosen else { break };
-            open.retain(|&o| o != index);
-            members.push(index);
-            // With many members one more changes little: not every round needs a new solution.
-            if members.len() <= 12 || members.len().is_multiple_of(8) {
-                let Some(next) = self.solve(&members, &solution.parameters) else {
-                    members.pop();
-                    continue;
-                };
-                // Within the gate one by one and yet not together: a coincidence.
-                if next.chi_squared > self.options.gate * members.len() as f64 {
-                    members.pop();
-                    continue;
-                }
-                solution = next;
-            }
-            join(&mut labels, &self.motions[index]);
-            score += gain;
-        }
-        Some(Hypothesis { members, score, solution })
-    }
-}
-
-/// The largest consistent set.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Selection {
-    /// One a motion.
-    pub verdicts: Vec<Verdict>,
-    /// Logarithm of the odds that the set is no coincidence.
-    pub log_odds: f64,
-    /// What coincidence among as many candidates reaches: a set with less is not to be trusted.
-    pub needed_log_odds: f64,
-}
-
-/// Finds the largest consistent set. Deterministic.
-pub fn find_consistent(motions: &[Motion], options: &ConsistencyOptions) -> Selection {
-    // Each of n candidates may found a set, and each set has n to choose from.
-    let needed_log_odds = MARGIN_LOG_ODDS + 2.0 * (motions.len().max(1) as f64).ln();
+/// The consistent plane-normal motions among the pairs.
+///
+/// # Errors
+/// Why there are none; [`Error::Stopped`].
+pub(crate) fn select_plane_normal(
+    pairs: &[PairObservation],
+    options: &PlaneNormalOptions,
+    observer: &dyn Observer,
+) -> Result<Selection, Error> {
+    let (candidates, motions): (Vec<PairId>, Vec<Motion>) =
+        pairs.iter().filter_map(|pair| Some((pair.id, motion_of(pair, &options.frame)?))).unzip();
     if motions.is_empty() {
-        return Selection { verdicts: Vec::new(), log_odds: 0.0, needed_log_odds };
+        return Err(why_no_motion(pairs, options.min_matches));
     }
-    let sigma = options.principal_point_sigma;
-    let priors =
-        Priors([Some(SEARCH_LN_F), Some((options.aspect.ln(), 0.01)), Some((0.0, sigma)), Some((0.0, sigma)), None]);
-    let reference = Parameters::from([SEARCH_LN_F.0, options.aspect.ln(), 0.0, 0.0, 0.0]);
-    let mut search = Search { motions, priors, options, distances: Vec::new() };
-    let points: Vec<WeightedPoint> = (0..motions.len()).map(|i| search.undistorted(i, &reference)).collect();
-    search.distances =
-        points.par_iter().map(|a| points.iter().map(|b| attitude_distance(a, b, options.k1_sigma)).collect()).collect();
-    let shares = |a: &Motion, b: &Motion| [a.from, a.to].into_iter().find(|v| *v == b.from || *v == b.to);
-    // A seed that a set has taken in would found much the same set.
-    let mut hypotheses: Vec<Option<Hypothesis>> = Vec::with_capacity(motions.len());
-    for seed in 0..motions.len() {
-        let taken = hypotheses.iter().flatten().any(|h| h.members.len() >= 4 && h.members.contains(&seed));
-        hypotheses.push(if taken { None } else { search.grow(seed) });
+    let verdicts = if options.trusted || motions.len() == 1 {
+        vec![Verdict::Accepted; motions.len()]
+    } else {
+        let found = search(&motions, options, observer)?;
+        if motions.len() >= MIN_CANDIDATES_TO_AGREE && found.log_odds < found.needed_log_odds {
+            return Err(coincidence(&found));
+        }
+        found.verdicts
+    };
+    Ok(Selection::new(MotionKind::PlaneNormal, pairs, |id| {
+        let Ok(place) = candidates.binary_search(&id) else { return PairVerdict::NoMotion };
+        match verdicts[place] {
+            Verdict::Accepted => PairVerdict::Used { sides: motions[place].sides },
+            Verdict::WrongSides => PairVerdict::Rejected(Rejection::WrongSides),
+            Verdict::Disagrees { sigmas } => PairVerdict::Rejected(Rejection::Disagrees { sigmas }),
+            Verdict::OtherAttitude { motion, image, sigmas } => {
+                PairVerdict::Rejected(Rejection::OtherAttitude { pair: candidates[motion], image, sigmas })
+            }
+        }
+    }))
+}
+
+fn motion_of(pair: &PairObservation, frame: &Frame) -> Option<Motion> {
+    let TurningPlane { geometry, .. } = pair.outcome.as_ref().ok()?;
+    let points = pair.inliers().map(|m| frame.from_pixel(&m.a));
+    let sides = if geometry.minor_side(points) > MINOR_SIDE { Sides::Both } else { Sides::One };
+    Some(Motion { from: pair.from, to: pair.to, geometry: geometry.clone(), sides })
+}
+
+/// The best set, attitudes straying as little as explains it: a carrier that pitches or an arm that is not quite aligned may
+/// stray more than is usual.
+fn search(motions: &[Motion], options: &PlaneNormalOptions, observer: &dyn Observer) -> Result<ConsistentSet, Error> {
+    let with = |sigma_deg: f64| {
+        let consistency = ConsistencyOptions {
+            attitude_sigma_rad: options.attitude_sigma_deg.unwrap_or(0.0).max(sigma_deg).to_radians(),
+            k1_sigma: SEARCH_K1_SIGMA,
+            direction_sigma: SEARCH_DIRECTION_SIGMA,
+            principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * options.size.width as f64 / options.frame.scale_px,
+            aspect: options.aspect,
+            gate: MOTION_GATE,
+        };
+        find_consistent(motions, &consistency, observer)
+    };
+    let mut best = with(SEARCH_ATTITUDE_SIGMAS_DEG[0])?;
+    for sigma_deg in &SEARCH_ATTITUDE_SIGMAS_DEG[1..] {
+        if best.log_odds >= best.needed_log_odds || options.attitude_sigma_deg.is_some() {
+            break;
+        }
+        let wider = with(*sigma_deg)?;
+        if wider.log_odds > best.log_odds {
+            best = wider;
+        }
     }
-    // The earliest seed on a tie, whatever the threads did.
-    let best_of = |sides: Sides| {
-        let seeded = hypotheses.iter().enumerate().filter(|(seed, _)| motions[*seed].sides == sides);
-        seeded.filter_map(|(_, h)| h.as_ref()).reduce(|best, next| if next.score > best.score { next } else { best })
-    };
-    let images = |h: &Hypothesis| {
-        let all: std::collections::BTreeSet<usize> =
-            h.members.iter().flat_map(|&m| [motions[m].from, motions[m].to]).collect();
-        all.len()
-    };
-    let best = match (best_of(Sides::One), best_of(Sides::Both)) {
-        (Some(floor), Some(far)) => Some(if 2 * images(floor) >= images(far) { floor } else { far }),
-        (floor, far) => floor.or(far),
-    };
-    let Some(best) = best else {
-        let verdicts = vec![Verdict::Disagrees { sigmas: f64::INFINITY }; motions.len()];
-        return Selection { verdicts, log_odds: f64::NEG_INFINITY, needed_log_odds };
-    };
-    let verdicts = (0..motions.len())
-        .map(|i| {
-            if best.members.contains(&i) {
-                return Verdict::Accepted;
-            }
-            if motions[i].sides == Sides::Both && motions[best.members[0]].sides == Sides::One {
-                return Verdict::WrongSides;
-            }
-            let clash = best
-                .members
-                .iter()
-                .filter(|&&m| shares(&motions[i], &motions[m]).is_some() && search.distances[i][m] > DIFFERENT_ATTITUDE)
-                .max_by(|&&a, &&b| search.distances[i][a].total_cmp(&search.distances[i][b]));
-            if let Some(&m) = clash {
-                let image = shares(&motions[i], &motions[m]).unwrap_or(motions[i].from);
-                return Verdict::OtherAttitude { motion: m, image, sigmas: search.distances[i][m].sqrt() };
-            }
-            let covariance: SMatrix<f64, 5, 5> = best.solution.covariance;
-            let w = search.weighted(i, &best.solution.parameters);
-            let distance = agreement(&best.solution.parameters, &covariance, &w).map_or(f64::INFINITY, |(d, _)| d);
-            Verdict::Disagrees { sigmas: distance.sqrt() }
-        })
-        .collect();
-    Selection { verdicts, log_odds: best.score, needed_log_odds }
+    Ok(best)
+}
+
+fn coincidence(found: &ConsistentSet) -> Error {
+    let agreeing = found.verdicts.iter().filter(|v| **v == Verdict::Accepted).count();
+    let candidates = found.verdicts.len();
+    Error::NoUsableMotion {
+        pairs: candidates,
+        reason: format!(
+            "of the {candidates} pairs that show a turning plane the best set that agrees on one camera has {agreeing}, no more than \
+             coincidence gives (log odds {:.1}, {:.1} needed): these are not turns about the floor's normal, or the lens \
+             distortion is large",
+            found.log_odds, found.needed_log_odds
+        ),
+        remedies: vec![Remedy::DoNotTilt, Remedy::NamePairs, Remedy::GiveLensCoefficients, Remedy::GiveAttitudeSigma],
+    }
 }

@@ -23,73 +23,12 @@ use crate::{
         linalg::{ComplexPoint, bilinear, inverse_spd, symmetric_eigen},
     },
     pairs::circular_points::CircularPoint,
+    remedy::Remedy,
 };
 
-/// What is assumed of the camera matrix (KZR 1.1).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Constraint {
-    /// Zero skew, and priors instead of hard choices for aspect ratio and principal point.
-    Auto,
-    /// All five parameters free: three attitudes.
-    Full,
-    /// ω12 = 0: two attitudes.
-    ZeroSkew,
-    /// Zero skew and known aspect ratio: two attitudes.
-    Square,
-    /// Zero skew and known principal point: one attitude.
-    FixedPrincipalPoint,
-    /// Zero skew, known aspect ratio and principal point: one attitude.
-    Focal,
-}
+pub use crate::geometry::constraint::Constraint;
 
 impl Constraint {
-    /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Constraint::Auto => "auto",
-            Constraint::Full => "full",
-            Constraint::ZeroSkew => "zero-skew",
-            Constraint::Square => "square",
-            Constraint::FixedPrincipalPoint => "fixed-pp",
-            Constraint::Focal => "focal",
-        }
-    }
-
-    /// All of them.
-    pub const ALL: [Constraint; 6] = [
-        Constraint::Auto,
-        Constraint::Full,
-        Constraint::ZeroSkew,
-        Constraint::Square,
-        Constraint::FixedPrincipalPoint,
-        Constraint::Focal,
-    ];
-
-    /// Which of (ln fx, ln fy/fx, cx, cy, skew) are free.
-    pub fn free(self) -> [bool; 5] {
-        match self {
-            Constraint::Auto | Constraint::ZeroSkew => [true, true, true, true, false],
-            Constraint::Full => [true; 5],
-            Constraint::Square => [true, false, true, true, false],
-            Constraint::FixedPrincipalPoint => [true, true, false, false, false],
-            Constraint::Focal => [true, false, false, false, false],
-        }
-    }
-
-    /// Number of unknowns.
-    pub fn unknowns(self) -> usize {
-        self.free().iter().filter(|f| **f).count()
-    }
-
-    /// Different attitudes needed.
-    pub fn attitudes_needed(self) -> usize {
-        match self {
-            Constraint::Full => 3,
-            Constraint::ZeroSkew | Constraint::Square => 2,
-            Constraint::Auto | Constraint::FixedPrincipalPoint | Constraint::Focal => 1,
-        }
-    }
-
     /// Basis of the allowed conics, columns (ω11, ω12, ω13, ω22, ω23, ω33); `aspect` is fy / fx.
     pub(crate) fn basis(self, aspect: f64) -> DMatrix<f64> {
         let square = [1.0, 0.0, 0.0, 1.0 / (aspect * aspect), 0.0, 0.0];
@@ -306,7 +245,8 @@ impl ConicSolution {
 pub fn refine(points: &[WeightedPoint], start: &Parameters, free: [bool; 5], priors: &Priors) -> Option<ConicSolution> {
     let free: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
     let problem = MaximumLikelihood { points, priors, free };
-    let options = LmOptions { max_iterations: 40, relative_cost_tolerance: 1e-9, step_tolerance: 1e-13 };
+    let options =
+        LmOptions { max_iterations: 40, relative_cost_tolerance: 1e-9, step_tolerance: 1e-13, ..LmOptions::default() };
     let out = minimise(&problem, *start, &options)?;
     let inverse = inverse_spd(&out.linearised.information)?;
     let mut covariance = SMatrix::<f64, 5, 5>::zeros();
@@ -408,10 +348,11 @@ pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f6
                 return Err(Error::NotPositiveDefinite {
                     constraint: constraint.name(),
                     eigenvalues,
-                    remedy:
-                        "Use motions with a clear turn (15 to 60 degrees) at different tilts and rolls, or a stronger \
-                             constraint (`--constraint focal` needs one attitude only)"
-                            .into(),
+                    remedies: vec![
+                        Remedy::CLEAR_TURN,
+                        Remedy::VaryTiltAndRoll,
+                        Remedy::UseConstraint { any_of: vec![Constraint::Focal] },
+                    ],
                 });
             }
             // The first weights may be far off; the next round has another chance from them.
@@ -441,9 +382,7 @@ pub fn solve_unweighted(points: &[ComplexPoint], constraint: Constraint, aspect:
     k.map(|k| parameters_of(&k)).map_err(|eigenvalues| Error::NotPositiveDefinite {
         constraint: constraint.name(),
         eigenvalues,
-        remedy:
-            "Use motions with a clear turn (15 to 60 degrees) at different tilts and rolls, or a stronger constraint"
-                .into(),
+        remedies: vec![Remedy::CLEAR_TURN, Remedy::VaryTiltAndRoll],
     })
 }
 
@@ -469,9 +408,7 @@ fn check_rank(signal: &DMatrix<f64>, noise: &DMatrix<f64>, constraint: Constrain
                 "a whole family of cameras fits the motions equally well (signal over noise {ratio:.2}, at least \
                  {MIN_SIGNAL_OVER_NOISE} is needed)"
             ),
-            remedy: "Tilt or roll the camera by 20 degrees and repeat a motion, or use a stronger constraint \
-                     (`--constraint focal`)"
-                .into(),
+            remedies: vec![Remedy::TiltOrRoll { deg: 20.0 }, Remedy::UseConstraint { any_of: vec![Constraint::Focal] }],
         });
     }
     Ok(())

@@ -12,57 +12,16 @@ use crate::{
         linalg::ComplexPoint,
         statistics::{VarianceComponent, chi_squared_survival},
     },
-    select::attitude_groups::{AttitudeGroup, Motion, group_attitudes, regroup},
+    observer::{Observer, Silent},
+    remedy::Remedy,
+    select::attitude_groups::{AttitudeGroup, Motion, group_attitudes_until, regroup},
     start::absolute_conic::{
         ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, parameters_of, refine,
         solve_linear,
     },
 };
 
-/// A number of the camera that may be given a prior.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum PriorParameter {
-    /// Focal length along x, pixels.
-    Fx,
-    /// fy / fx.
-    Aspect,
-    /// Principal point, x, pixels.
-    Cx,
-    /// Principal point, y, pixels.
-    Cy,
-    /// Skew, pixels.
-    Skew,
-    /// Radial distortion, second order.
-    K1,
-    /// Radial distortion, fourth order.
-    K2,
-}
-
-impl PriorParameter {
-    /// All, in the order of [`crate::refine::CameraVector`].
-    pub const ALL: [PriorParameter; 7] = [
-        PriorParameter::Fx,
-        PriorParameter::Aspect,
-        PriorParameter::Cx,
-        PriorParameter::Cy,
-        PriorParameter::Skew,
-        PriorParameter::K1,
-        PriorParameter::K2,
-    ];
-
-    /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            PriorParameter::Fx => "fx",
-            PriorParameter::Aspect => "aspect",
-            PriorParameter::Cx => "cx",
-            PriorParameter::Cy => "cy",
-            PriorParameter::Skew => "skew",
-            PriorParameter::K1 => "k1",
-            PriorParameter::K2 => "k2",
-        }
-    }
-}
+pub use crate::geometry::parameters::PriorParameter;
 
 /// A Gaussian prior: mean and standard deviation in pixels (aspect, k1, k2: no unit).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -123,8 +82,8 @@ pub struct CameraSolution {
 /// How much a prior counted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PriorUse {
-    /// Name of the parameter.
-    pub parameter: &'static str,
+    /// The parameter.
+    pub parameter: PriorParameter,
     /// Mean: pixels, or a ratio for `aspect`.
     pub mean: f64,
     /// Standard deviation, same unit.
@@ -181,7 +140,7 @@ impl CameraOptions {
                     _ => (mean * scale + origins[i], scale),
                 };
                 Some(PriorUse {
-                    parameter: PriorParameter::ALL[i].name(),
+                    parameter: PriorParameter::ALL[i],
                     mean,
                     sigma: sigma * unit,
                     posterior_over_prior: covariance[(i, i)].max(0.0).sqrt() / sigma,
@@ -197,11 +156,21 @@ impl CameraOptions {
 /// [`Error::TooFewAttitudes`], [`Error::Undetermined`], [`Error::NotPositiveDefinite`] when the motions do not determine
 /// what the constraint asks for; [`Error::NoUsableMotion`] for an empty set.
 pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) -> Result<CameraSolution, Error> {
+    solve_camera_until(motions, frame, options, &Silent)
+}
+
+/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
+pub(crate) fn solve_camera_until(
+    motions: &[Motion],
+    frame: &Frame,
+    options: &CameraOptions,
+    observer: &dyn Observer,
+) -> Result<CameraSolution, Error> {
     if motions.is_empty() {
         return Err(Error::NoUsableMotion {
             pairs: 0,
             reason: "no motion is left".into(),
-            remedy: "Turn the camera by 15 to 60 degrees between two images, without tilting it".into(),
+            remedies: vec![Remedy::CLEAR_TURN],
         });
     }
     let priors = options.priors(frame);
@@ -210,7 +179,8 @@ pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) 
     let rounds = if options.attitude_sigma_rad > 0.0 { 3 } else { 1 };
     let mut last = None;
     for _ in 0..rounds {
-        let groups = group_attitudes(motions, &intrinsics_of(&parameters), options.attitude_sigma_rad);
+        let k = intrinsics_of(&parameters);
+        let groups = group_attitudes_until(motions, &k, options.attitude_sigma_rad, observer)?;
         let solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
         parameters = solution.parameters;
         last = Some((groups, solution));
@@ -222,7 +192,8 @@ pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) 
     let enough = groups.len() >= MIN_GROUPS_FOR_SIGMA && solution.degrees_of_freedom >= MIN_DOF_FOR_SIGMA;
     let estimated = options.estimate_attitude_sigma && enough;
     if estimated {
-        sigma = estimate_attitude_sigma(&groups, motions, &solution, options, &priors);
+        sigma = estimate_attitude_sigma(&groups, motions, &solution, options, &priors, observer);
+        observer.go_on()?;
         groups = regroup(&groups, motions, &intrinsics_of(&solution.parameters), sigma);
         solution = solve_groups(&groups, motions.len(), options, &priors, frame)?;
     }
@@ -244,10 +215,14 @@ fn estimate_attitude_sigma(
     solution: &ConicSolution,
     options: &CameraOptions,
     priors: &Priors,
+    observer: &dyn Observer,
 ) -> f64 {
     let k = intrinsics_of(&solution.parameters);
     let component = VarianceComponent { scale: options.attitude_sigma_rad, below: 30.0, above: 30.0 };
     component.posterior(|sigma| {
+        if observer.stopped() {
+            return f64::NEG_INFINITY;
+        }
         let points: Vec<WeightedPoint> = regroup(groups, motions, &k, sigma).into_iter().map(|g| g.fused).collect();
         refine(&points, &solution.parameters, options.constraint.free(), priors)
             .map_or(f64::NEG_INFINITY, |s| -0.5 * (s.chi_squared + s.log_determinants))
@@ -264,10 +239,10 @@ fn solve_groups(
     let constraint = options.constraint;
     let needed = constraint.attitudes_needed();
     if groups.len() < needed {
-        let alternative = if groups.len() == 1 {
-            "`--constraint auto`, `focal` or `fixed-pp`"
+        let alternatives = if groups.len() == 1 {
+            vec![Constraint::Auto, Constraint::Focal, Constraint::FixedPrincipalPoint]
         } else {
-            "`--constraint zero-skew` or `square`"
+            vec![Constraint::ZeroSkew, Constraint::Square]
         };
         return Err(Error::TooFewAttitudes {
             constraint: constraint.name(),
@@ -275,7 +250,7 @@ fn solve_groups(
             needed,
             motions,
             attitudes: groups.len(),
-            alternative: alternative.into(),
+            alternatives,
         });
     }
     let points: Vec<WeightedPoint> = groups.iter().map(|g| g.fused.clone()).collect();
@@ -285,14 +260,14 @@ fn solve_groups(
             Error::Undetermined {
                 constraint,
                 direction: format!("{direction}; the camera looks straight down on the plane in every motion, which says nothing of the focal length"),
-                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+                remedies: vec![Remedy::TILT_DOWN],
             }
         }
         Error::NotPositiveDefinite { constraint, .. } if points.iter().all(|p| looks_straight_down(&p.point.point)) => {
             Error::Undetermined {
                 constraint,
                 direction: "the camera looks straight down on the plane in every motion, which says nothing of the focal length".into(),
-                remedy: "Tilt the camera to 30 to 60 degrees below the horizon (a roll alone does not help)".into(),
+                remedies: vec![Remedy::TILT_DOWN],
             }
         }
         Error::NotPositiveDefinite { constraint, eigenvalues, .. }
@@ -301,9 +276,11 @@ fn solve_groups(
             Error::NotPositiveDefinite {
                 constraint,
                 eigenvalues,
-                remedy: "One attitude with a roll near 0 or 90 degrees does not tell fx from fy: roll the camera by 20 degrees or more, or \
-                         use `--constraint focal`"
-                    .into(),
+                // One attitude with a roll near 0 or 90 degrees does not tell fx from fy.
+                remedies: vec![
+                    Remedy::RollCamera { deg: 20.0 },
+                    Remedy::UseConstraint { any_of: vec![Constraint::Focal] },
+                ],
             }
         }
         error => error,
@@ -335,7 +312,7 @@ fn solve_points(
             attitudes(points.len()),
             constraint.unknowns()
         ),
-        remedy: remedy(constraint),
+        remedies: remedies(constraint),
     })?;
     check_certainty(&solution.covariance, constraint, points.len(), frame)?;
     Ok(solution)
@@ -345,14 +322,12 @@ fn attitudes(count: usize) -> String {
     if count == 1 { "1 attitude".into() } else { format!("{count} attitudes") }
 }
 
-fn remedy(constraint: Constraint) -> String {
-    let weaker = match constraint {
-        Constraint::Auto | Constraint::Focal => "",
-        _ => ", or use a stronger constraint (`--constraint auto` or `focal`)",
-    };
-    format!(
-        "Tilt the camera to 30 to 60 degrees below the horizon, roll it by 20 degrees or more for another motion, and turn it by 15 to 60 degrees{weaker}"
-    )
+fn remedies(constraint: Constraint) -> Vec<Remedy> {
+    let mut remedies = vec![Remedy::TILT_DOWN, Remedy::RollCamera { deg: 20.0 }, Remedy::CLEAR_TURN];
+    if !matches!(constraint, Constraint::Auto | Constraint::Focal) {
+        remedies.push(Remedy::UseConstraint { any_of: vec![Constraint::Auto, Constraint::Focal] });
+    }
+    remedies
 }
 
 /// With priors any start will do that is on the right side: the linear solutions, else the best of a few focal lengths.
@@ -396,7 +371,7 @@ pub fn check_certainty(
     Err(Error::Undetermined {
         constraint: constraint.name(),
         direction: format!("{} would give {uncertain}", attitudes(groups)),
-        remedy: remedy(constraint),
+        remedies: remedies(constraint),
     })
 }
 
@@ -427,14 +402,7 @@ fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptio
     } else {
         1.0
     };
-    let (fx, fy, scale) = (intrinsics.fx, intrinsics.fy, frame.scale_px);
-    let mut jacobian = SMatrix::<f64, 5, 5>::zeros();
-    jacobian[(0, 0)] = fx;
-    jacobian[(1, 0)] = fy;
-    jacobian[(1, 1)] = fy;
-    for i in 2..5 {
-        jacobian[(i, i)] = scale;
-    }
+    let jacobian = frame.pixels_by_logarithms(&intrinsics);
     let free = options.constraint.free();
     CameraSolution {
         intrinsics,

@@ -27,6 +27,7 @@ use crate::{
         statistics::chi_squared_survival,
     },
     pairs::refine::HomographyEstimate,
+    remedy::Remedy,
     start::{
         absolute_conic::{
             Constraint, MIN_SIGNAL_OVER_NOISE, Parameters, conic_from_entries, intrinsics_from_conic, intrinsics_of,
@@ -199,7 +200,7 @@ pub fn calibrate_rotating(
         return Err(Error::NoUsableMotion {
             pairs: 0,
             reason: "there is no homography".into(),
-            remedy: "Turn the camera about its optical centre, about two different axes".into(),
+            remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnAboutTwoAxes { turn_deg: 10.0 }],
         });
     };
     if homographies.iter().any(|h| h.frame != first.frame) {
@@ -257,9 +258,7 @@ fn solve(rotations: &[Noisy], options: &RotatingOptions) -> Result<(Parameters, 
                 return Err(Error::NotPositiveDefinite {
                     constraint: constraint.name(),
                     eigenvalues,
-                    remedy: "The camera must turn about its optical centre: where it moves as well, over a floor, use motions about \
-                             the floor's normal instead"
-                        .into(),
+                    remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor],
                 });
             }
             // The first weights may be far off; the next round has another chance from them.
@@ -291,10 +290,10 @@ fn undetermined(rotations: &[Noisy], p: &Parameters, ratio: f64, constraint: Con
     let noise = format!("signal over noise {ratio:.2}, at least {MIN_SIGNAL_OVER_NOISE} is needed");
     let n = rotations.len();
     let count = if n == 1 { "the one rotation".to_string() } else { format!("the {n} rotations") };
-    let (direction, remedy) = if seen.iter().all(|s| s.1 < 0.5f64.to_radians()) {
+    let (direction, remedies) = if seen.iter().all(|s| s.1 < 0.5f64.to_radians()) {
         (
             format!("{count} turn the camera by {:.2} degrees or less ({noise})", least_deg(&seen)),
-            "Turn the camera by 10 degrees or more, about two different axes (pan and tilt, or with a roll)",
+            vec![Remedy::TurnAboutTwoAxes { turn_deg: 10.0 }],
         )
     } else if spread_deg < ONE_AXIS_DEG {
         let axis = seen[0].0;
@@ -308,15 +307,19 @@ fn undetermined(rotations: &[Noisy], p: &Parameters, ratio: f64, constraint: Con
         };
         (
             format!("{count} go about one axis, to {spread_deg:.1} degrees: {free} ({noise})"),
-            "Turn about a second axis too (pan and tilt, or with a roll); after a pan or a tilt alone, `square` may do",
+            // After a pan or a tilt alone a known aspect ratio may do.
+            vec![
+                Remedy::TurnAboutTwoAxes { turn_deg: 10.0 },
+                Remedy::UseConstraint { any_of: vec![Constraint::Square] },
+            ],
         )
     } else {
         (
             format!("{count} are too small or too alike for their noise ({noise})"),
-            "Turn the camera further, by 10 degrees or more, about axes 20 degrees or more apart",
+            vec![Remedy::TurnFurther, Remedy::TurnAboutTwoAxes { turn_deg: 10.0 }],
         )
     };
-    Error::Undetermined { constraint: constraint.name(), direction, remedy: remedy.into() }
+    Error::Undetermined { constraint: constraint.name(), direction, remedies }
 }
 
 /// Axis (unit length) and angle (0 to π) of the rotation nearest to K⁻¹ H K.
@@ -363,8 +366,7 @@ fn finish(
     let undetermined = |direction: String| Error::Undetermined {
         constraint: constraint.name(),
         direction,
-        remedy: "Turn the camera further, about axes that differ by 20 degrees or more, or use a stronger constraint"
-            .into(),
+        remedies: vec![Remedy::TurnFurther, Remedy::TurnAboutTwoAxes { turn_deg: 10.0 }],
     };
     let inverse = inverse_spd(&information)
         .ok_or_else(|| undetermined(format!("{} rotations do not tell the {n} unknowns apart", rotations.len())))?;

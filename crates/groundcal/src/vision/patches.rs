@@ -18,7 +18,12 @@
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 use rayon::prelude::*;
 
-use crate::{pairs::correspondence::PointMatch, vision::image::GrayImage};
+use crate::{
+    error::Error,
+    observer::{Observer, Silent},
+    pairs::correspondence::PointMatch,
+    vision::image::GrayImage,
+};
 
 /// Options of [`match_patches`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -91,10 +96,22 @@ fn margin_px(options: &PatchOptions) -> usize {
 /// and the places so far from their borders, that templates do not overlap: their noise is independent. In images of up to
 /// a megapixel the cells are no larger than a template: more patches tell more than better ones.
 pub fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize)> {
+    template_grid_until(a, options, &Silent).unwrap_or_default()
+}
+
+/// The same under an observer's eyes.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn template_grid_until(
+    a: &GrayImage,
+    options: &PatchOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<(usize, usize)>, Error> {
     let (w, h) = (a.size().width, a.size().height);
     let (margin, side) = (margin_px(options), 2 * options.radius_px + 1);
     if w < 2 * margin + 1 || h < 2 * margin + 1 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     // Where centres may be.
     let (columns, rows) = (w - 2 * margin, h - 2 * margin);
@@ -104,6 +121,7 @@ pub fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize
     let mut lines = TextureLines::new(w);
     let mut grid = Vec::with_capacity((columns / spacing + 1) * (rows / spacing + 1));
     for y0 in (0..rows).step_by(spacing) {
+        observer.go_on()?;
         let mut best: Vec<Option<(f64, (usize, usize))>> = vec![None; columns.div_ceil(spacing)];
         for dy in (0..=slack).step_by((slack / 2).max(1)) {
             let y = margin + y0 + dy;
@@ -122,7 +140,7 @@ pub fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize
         }
         grid.extend(best.into_iter().flatten().filter(|(texture, _)| *texture > LEAST_TEXTURE).map(|(_, place)| place));
     }
-    grid
+    Ok(grid)
 }
 
 /// Least eigenvalue of a template's sum of gradient products: below it the rounding to 8 bits alone moves a patch by a third of
@@ -188,16 +206,35 @@ pub fn match_patches(
     map: &(dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>> + Sync),
     options: &PatchOptions,
 ) -> Vec<PatchMatch> {
+    match_patches_until(a, grid, b, map, options, &Silent).unwrap_or_default()
+}
+
+/// The same under an observer's eyes.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn match_patches_until(
+    a: &GrayImage,
+    grid: &[(usize, usize)],
+    b: &GrayImage,
+    map: &(dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>> + Sync),
+    options: &PatchOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<PatchMatch>, Error> {
     let margin = margin_px(options);
     let in_a =
         |x: usize, y: usize| x >= margin && y >= margin && x + margin < a.size().width && y + margin < a.size().height;
-    grid.par_iter()
+    let found: Vec<Option<PatchMatch>> = grid
+        .par_iter()
         .map_init(
             || Workspace::new(options.radius_px),
-            |work, &(x, y)| if in_a(x, y) { work.match_patch(a, b, (x, y), map, options) } else { None },
+            |work, &(x, y)| {
+                observer.go_on()?;
+                Ok(if in_a(x, y) { work.match_patch(a, b, (x, y), map, options) } else { None })
+            },
         )
-        .flatten_iter()
-        .collect()
+        .collect::<Result<_, Error>>()?;
+    Ok(found.into_iter().flatten().collect())
 }
 
 /// The quadratic through the map at a patch's centre, edges and corners.

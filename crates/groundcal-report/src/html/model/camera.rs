@@ -1,102 +1,90 @@
 //! The camera's numbers with their error bars, and what determined each: the images or what was assumed.
 
-use groundcal::{numerics::statistics::NORMAL_95, result::Calibration};
+use groundcal::{
+    numerics::statistics::NORMAL_95,
+    result::{Calibration, Parameter, PriorParameter},
+};
 use serde::Serialize;
 
 /// The camera.
 #[derive(Debug, Serialize)]
-pub struct CameraNumbers {
-    pub image_size: [usize; 2],
-    pub parameters: Vec<Parameter>,
+pub(crate) struct CameraNumbers {
+    pub(crate) image_size: [usize; 2],
+    pub(crate) parameters: Vec<CameraNumber>,
     /// Displacement by the lens along a radius; empty without distortion.
-    pub lens: Vec<LensPoint>,
+    pub(crate) lens: Vec<LensPoint>,
 }
 
 /// A number of the camera.
 #[derive(Debug, Serialize)]
-pub struct Parameter {
-    pub name: &'static str,
+pub(crate) struct CameraNumber {
+    pub(crate) name: &'static str,
     /// `px`, or nothing.
-    pub unit: &'static str,
-    pub value: f64,
+    pub(crate) unit: &'static str,
+    pub(crate) value: f64,
     /// One standard deviation; `None`: held.
-    pub sigma: Option<f64>,
+    pub(crate) sigma: Option<f64>,
     /// 95 % interval.
-    pub interval: Option<[f64; 2]>,
+    pub(crate) interval: Option<[f64; 2]>,
     /// What was assumed: mean, standard deviation, in the parameter's unit (`fy`: through the aspect ratio, at the fx found).
-    pub prior: Option<[f64; 2]>,
+    pub(crate) prior: Option<[f64; 2]>,
     /// Part of what is known of it that the images told, 0 to 1: 1 - (posterior / prior variance); 1 without a prior.
-    pub from_images: Option<f64>,
+    pub(crate) from_images: Option<f64>,
     /// Correlation with fx.
-    pub correlation_with_fx: Option<f64>,
+    pub(crate) correlation_with_fx: Option<f64>,
 }
 
 /// The lens at a distance from the principal point.
 #[derive(Debug, Serialize)]
-pub struct LensPoint {
+pub(crate) struct LensPoint {
     /// Distance of the ideal point, pixels.
-    pub radius_px: f64,
+    pub(crate) radius_px: f64,
     /// How far the lens moves it outwards.
-    pub outwards_px: f64,
-    pub sigma_px: f64,
+    pub(crate) outwards_px: f64,
+    pub(crate) sigma_px: f64,
 }
 
 const LENS_POINTS: usize = 24;
 
 /// From a calibration.
-pub fn camera(c: &Calibration) -> CameraNumbers {
-    let (camera, s) = (&c.camera, &c.standard_deviation);
-    let m = &c.covariance.matrix;
-    let rows = [
-        ("fx", "px", camera.fx, s.fx),
-        ("fy", "px", camera.fy, s.fy),
-        ("cx", "px", camera.cx, s.cx),
-        ("cy", "px", camera.cy, s.cy),
-        ("skew", "px", camera.skew, s.skew),
-        ("k1", "", camera.distortion.k1, s.k1),
-        ("k2", "", camera.distortion.k2, s.k2),
-    ];
-    let parameters = rows
+pub(crate) fn camera(c: &Calibration) -> CameraNumbers {
+    let fx = Parameter::Fx;
+    let parameters = Parameter::ALL
         .into_iter()
-        .enumerate()
-        .map(|(i, (name, unit, value, sigma))| {
-            let prior = prior_of(c, name);
-            let correlation = m[0][i] / (m[0][0] * m[i][i]).sqrt();
+        .map(|p| {
+            let (value, sigma) = (c.value(p), c.standard_deviation(p));
+            let correlation = c.covariance(fx, p) / (c.covariance(fx, fx) * c.covariance(p, p)).sqrt();
             // The prior of fy is one of fy / fx: the ratio's own narrowing counts.
             let told = |p: f64| (1.0 - p * p).clamp(0.0, 1.0);
-            let wanted = if name == "fy" { "aspect" } else { name };
-            let narrowed = c.priors.iter().find(|p| p.parameter == wanted).map(|p| p.posterior_over_prior);
-            Parameter {
-                name,
-                unit,
+            let narrowed = c.prior(p.prior()).map(|p| p.posterior_over_prior);
+            CameraNumber {
+                name: p.name(),
+                unit: if p.is_of_lens() { "" } else { "px" },
                 // Adding zero turns -0 into 0.
                 value: value + 0.0,
                 sigma,
                 interval: sigma.map(|s| [value - NORMAL_95 * s, value + NORMAL_95 * s]),
-                prior,
+                prior: prior_of(c, p),
                 from_images: sigma.map(|_| narrowed.map_or(1.0, told)),
-                correlation_with_fx: sigma.and(Some(correlation)).filter(|r| i > 0 && r.is_finite()),
+                correlation_with_fx: sigma.and(Some(correlation)).filter(|r| p != fx && r.is_finite()),
             }
         })
         .collect();
-    CameraNumbers { image_size: camera.image_size, parameters, lens: lens(c) }
+    CameraNumbers { image_size: c.camera.image_size, parameters, lens: lens(c) }
 }
 
-fn prior_of(c: &Calibration, name: &str) -> Option<[f64; 2]> {
-    let of = |wanted: &str| c.priors.iter().find(|p| p.parameter == wanted).map(|p| [p.mean, p.sigma]);
-    match name {
-        "fy" => of("aspect").map(|[mean, sigma]| [mean * c.camera.fx, sigma * c.camera.fx]),
-        _ => of(name),
-    }
+fn prior_of(c: &Calibration, p: Parameter) -> Option<[f64; 2]> {
+    let unit = if p.prior() == PriorParameter::Aspect { c.camera.fx } else { 1.0 };
+    c.prior(p.prior()).map(|prior| [prior.mean * unit, prior.sigma * unit])
 }
 
 /// The radial displacement f (k1 ρ³ + k2 ρ⁵), ρ = r / f, out to the farthest corner.
 fn lens(c: &Calibration) -> Vec<LensPoint> {
-    let (camera, d) = (&c.camera, &c.camera.distortion);
-    if d.k1 == 0.0 && d.k2 == 0.0 && c.standard_deviation.k1.is_none() {
+    let (k1, k2) = (Parameter::K1, Parameter::K2);
+    let (camera, value) = (&c.camera, [c.value(k1), c.value(k2)]);
+    if value == [0.0; 2] && c.standard_deviation.k1.is_none() {
         return Vec::new();
     }
-    let m = &c.covariance.matrix;
     let [w, h] = camera.image_size.map(|s| s as f64 - 1.0);
     let farthest = camera.cx.max(w - camera.cx).hypot(camera.cy.max(h - camera.cy));
     (0..=LENS_POINTS)
@@ -104,8 +92,14 @@ fn lens(c: &Calibration) -> Vec<LensPoint> {
             let radius_px = farthest * i as f64 / LENS_POINTS as f64;
             let rho = radius_px / camera.fx;
             let [by_k1, by_k2] = [rho.powi(3), rho.powi(5)].map(|b| b * camera.fx);
-            let variance = by_k1 * by_k1 * m[5][5] + 2.0 * by_k1 * by_k2 * m[5][6] + by_k2 * by_k2 * m[6][6];
-            LensPoint { radius_px, outwards_px: by_k1 * d.k1 + by_k2 * d.k2, sigma_px: variance.max(0.0).sqrt() }
+            let variance = by_k1 * by_k1 * c.covariance(k1, k1)
+                + 2.0 * by_k1 * by_k2 * c.covariance(k1, k2)
+                + by_k2 * by_k2 * c.covariance(k2, k2);
+            LensPoint {
+                radius_px,
+                outwards_px: by_k1 * value[0] + by_k2 * value[1],
+                sigma_px: variance.max(0.0).sqrt(),
+            }
         })
         .collect()
 }

@@ -8,49 +8,48 @@
 use groundcal::{
     geometry::{
         attitude::{attitude_rotation, up_in_camera},
-        distortion::Distortion,
         frame::Frame,
     },
-    result::{AttitudeReport, Calibration},
+    result::{AttitudeReport, Calibration, Parameter},
     start::absolute_conic::{parameters_of, residual},
 };
-use nalgebra::{Complex, DMatrix, Vector3};
+use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use serde::Serialize;
 
 type ComplexPoint = Vector3<Complex<f64>>;
 
 /// The absolute conic's part of the report.
 #[derive(Debug, Serialize)]
-pub struct Conic {
-    pub attitudes: Vec<ConicAttitude>,
+pub(crate) struct Conic {
+    pub(crate) attitudes: Vec<ConicAttitude>,
     /// Camera numbers left free, of `ln fx`, `ln fy/fx`, `cx`, `cy`, `skew`.
-    pub unknowns: Vec<&'static str>,
+    pub(crate) unknowns: Vec<&'static str>,
     /// Equations that the attitudes give: two each.
-    pub equations: usize,
+    pub(crate) equations: usize,
     /// Singular values of those equations, largest first, in units of the largest; one for each unknown.
-    pub singular_values: Vec<f64>,
+    pub(crate) singular_values: Vec<f64>,
     /// The combination that the attitudes tell least: parts of the unknowns, unit length (cx, cy, skew in half image sides).
-    pub weakest: Vec<f64>,
+    pub(crate) weakest: Vec<f64>,
     /// Largest difference of pitch, and of roll (modulo 180 degrees), in degrees.
-    pub pitch_spread_deg: f64,
-    pub roll_spread_deg: f64,
+    pub(crate) pitch_spread_deg: f64,
+    pub(crate) roll_spread_deg: f64,
 }
 
 /// An attitude, the camera's.
 #[derive(Debug, Serialize)]
-pub struct ConicAttitude {
-    pub pitch_down_deg: f64,
-    pub roll_deg: f64,
+pub(crate) struct ConicAttitude {
+    pub(crate) pitch_down_deg: f64,
+    pub(crate) roll_deg: f64,
     /// a x + b y + c = 0 in ideal pixels, a² + b² = 1.
-    pub horizon_px: Option<[f64; 3]>,
+    pub(crate) horizon_px: Option<[f64; 3]>,
     /// m and d of the circular points m ± i d, ideal pixels.
-    pub circular_points: Option<[[f64; 2]; 2]>,
+    pub(crate) circular_points: Option<[[f64; 2]; 2]>,
     /// The same of each motion by itself, as measured.
-    pub measured: Vec<[[f64; 2]; 2]>,
+    pub(crate) measured: Vec<[[f64; 2]; 2]>,
     /// Pitch and roll of each of its views, degrees.
-    pub views: Vec<[f64; 2]>,
+    pub(crate) views: Vec<[f64; 2]>,
     /// Names of the images of its motions.
-    pub motions: Vec<[String; 2]>,
+    pub(crate) motions: Vec<[String; 2]>,
 }
 
 /// m and d of a complex point given in homogeneous coordinates; d's sign is made positive along x.
@@ -69,7 +68,7 @@ fn circular_point(c: &Calibration, a: &AttitudeReport) -> ComplexPoint {
 }
 
 /// From a calibration; `None` where there is no floor.
-pub fn conic(c: &Calibration) -> Option<Conic> {
+pub(crate) fn conic(c: &Calibration) -> Option<Conic> {
     if c.attitudes.is_empty() {
         return None;
     }
@@ -131,11 +130,12 @@ pub fn conic(c: &Calibration) -> Option<Conic> {
 /// Names of the free numbers, singular values of the attitudes' equations in units of the largest, and the weakest combination.
 fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
     let names = ["ln fx", "ln fy/fx", "cx", "cy", "skew"];
-    let m = &c.covariance.matrix;
+    let m = c.covariance.of(&Parameter::ALL);
     let (fx, fy) = (c.camera.fx, c.camera.fy);
-    let ratio = m[0][0] / (fx * fx) + m[1][1] / (fy * fy) - 2.0 * m[0][1] / (fx * fy);
+    let ratio = m[(0, 0)] / (fx * fx) + m[(1, 1)] / (fy * fy) - 2.0 * m[(0, 1)] / (fx * fy);
     // An aspect ratio that is held leaves rounding only.
-    let free = [m[0][0] > 0.0, ratio > 1e-9 * m[0][0] / (fx * fx), m[2][2] > 0.0, m[3][3] > 0.0, m[4][4] > 0.0];
+    let free =
+        [m[(0, 0)] > 0.0, ratio > 1e-9 * m[(0, 0)] / (fx * fx), m[(2, 2)] > 0.0, m[(3, 3)] > 0.0, m[(4, 4)] > 0.0];
     let columns: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
     let frame = Frame::new(c.camera.size(), None);
     let parameters = parameters_of(&frame.intrinsics_from_pixel(&c.camera.intrinsics()));
@@ -165,20 +165,11 @@ fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
     (unknowns, values, last.iter().map(|v| v * sign).collect())
 }
 
-/// Whether a lens takes points farther out to points farther out all the way to a squared radius (without tangential terms):
-/// 1 + 3 k1 u + 5 k2 u² stays positive. Beyond its fold a polynomial may turn over once more, and would draw what is not there.
-fn rises_up_to(lens: &Distortion, squared: f64) -> bool {
-    let slope = |u: f64| 1.0 + u * (3.0 * lens.k1 + 5.0 * lens.k2 * u);
-    let turn = -0.3 * lens.k1 / lens.k2;
-    let least = if turn > 0.0 && turn < squared { slope(turn) } else { 1.0 };
-    least > 0.0 && slope(squared) > 0.0
-}
-
 /// The horizon of a view in the picture, lens and all: pieces of a curve inside `window` (left, top, right, bottom in pixels), and the
 /// point of it nearest to the principal point, if the lens reaches that far.
-pub fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, window: [f64; 4]) -> Vec<Vec<[f64; 2]>> {
+pub(crate) fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, window: [f64; 4]) -> Vec<Vec<[f64; 2]>> {
     const STEPS: i32 = 160;
-    let (k, lens) = (c.camera.intrinsics(), c.camera.lens());
+    let camera = c.camera.model();
     let up = up_in_camera(pitch_down_deg.to_radians(), roll_deg.to_radians());
     let level = up.xy().norm();
     if level < 1e-6 {
@@ -186,38 +177,20 @@ pub fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, window: [f64
     }
     // In normalised coordinates: up · (x, y, 1) = 0, from its foot outwards.
     let foot = up.xy() * (-up.z / (level * level));
-    let along = nalgebra::Vector2::new(-up.y, up.x) / level;
-    let reach = 4.0 * (window[2] - window[0]).max(window[3] - window[1]) / k.fx;
+    let along = Vector2::new(-up.y, up.x) / level;
+    let reach = 4.0 * (window[2] - window[0]).max(window[3] - window[1]) / camera.intrinsics.fx;
     let mut pieces: Vec<Vec<[f64; 2]>> = vec![Vec::new()];
     for i in -STEPS..=STEPS {
         let p = foot + along * (reach * f64::from(i) / f64::from(STEPS));
         // Beyond its fold the lens model says nothing.
-        let folded = !rises_up_to(&lens, p.norm_squared());
-        let pixel = k.pixel_from_normalised(&lens.distort(&p));
-        let inside = (window[0]..=window[2]).contains(&pixel.x) && (window[1]..=window[3]).contains(&pixel.y);
-        match pieces.last_mut() {
-            Some(piece) if inside && !folded => piece.push(pixel.into()),
-            Some(piece) if !piece.is_empty() => pieces.push(Vec::new()),
+        let inside =
+            |p: &Vector2<f64>| (window[0]..=window[2]).contains(&p.x) && (window[1]..=window[3]).contains(&p.y);
+        match (camera.project(&p.push(1.0)).filter(inside), pieces.last_mut()) {
+            (Some(pixel), Some(piece)) => piece.push(pixel.into()),
+            (None, Some(piece)) if !piece.is_empty() => pieces.push(Vec::new()),
             _ => {}
         }
     }
     pieces.retain(|p| p.len() > 1);
     pieces
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_lens_rises_up_to_its_fold_and_not_again_beyond() {
-        assert!(rises_up_to(&Distortion::default(), 1e6));
-        // Folds at r² = 1 / (3 · 0.3).
-        let simple = Distortion::radial(-0.3, 0.0);
-        assert!(rises_up_to(&simple, 1.1) && !rises_up_to(&simple, 1.12) && !rises_up_to(&simple, 1e3));
-        // Falls between r² = 1 and 2 only.
-        let wavy = Distortion::radial(-0.5, 0.1);
-        assert!(rises_up_to(&wavy, 0.99) && !rises_up_to(&wavy, 1.5) && !rises_up_to(&wavy, 5.0));
-        assert!(rises_up_to(&Distortion::radial(-0.2, 0.1), 50.0));
-    }
 }

@@ -5,42 +5,43 @@ use serde::Serialize;
 
 /// Views that common points connect, seen from above.
 #[derive(Debug, Serialize)]
-pub struct FloorMap {
+pub(crate) struct FloorMap {
     /// Name of the image below whose optical centre the origin is, +X being its heading, and whose height is the unit.
-    pub origin: String,
-    pub views: Vec<FloorPose>,
+    pub(crate) origin: String,
+    pub(crate) views: Vec<FloorPose>,
 }
 
 /// A view on the floor.
 #[derive(Debug, Serialize)]
-pub struct FloorPose {
+pub(crate) struct FloorPose {
     /// Index of the image.
-    pub image: usize,
-    pub name: String,
-    pub attitude: Option<usize>,
+    pub(crate) image: usize,
+    pub(crate) name: String,
+    pub(crate) attitude: Option<usize>,
     /// x, y, height in heights of the origin's camera.
-    pub position: [f64; 3],
-    pub position_sigma: [f64; 3],
+    pub(crate) position: [f64; 3],
+    pub(crate) position_sigma: [f64; 3],
     /// Anticlockwise from +X seen from above.
-    pub yaw_deg: f64,
-    pub yaw_sigma_deg: f64,
+    pub(crate) yaw_deg: f64,
+    pub(crate) yaw_sigma_deg: f64,
     /// Unit vector where it looks.
-    pub heading: [f64; 2],
+    pub(crate) heading: [f64; 2],
     /// Outline of the floor it sees, up to some heights away.
-    pub seen: Vec<[f64; 2]>,
+    pub(crate) seen: Vec<[f64; 2]>,
 }
 
 /// Farther floor is not drawn, in camera heights.
-pub const FARTHEST: f64 = 6.0;
+pub(crate) const FARTHEST: f64 = 6.0;
 
 /// Connected sets of views in the order of their origins.
-pub fn maps(c: &Calibration) -> Vec<FloorMap> {
+pub(crate) fn maps(c: &Calibration) -> Vec<FloorMap> {
     let mut maps: Vec<FloorMap> = Vec::new();
     for v in &c.views {
         let (Some(position), Ok(view)) = (v.position, FloorView::of_report(&c.camera, v)) else { continue };
+        let Some(image) = c.evidence.images.iter().position(|n| *n == v.image) else { continue };
         let heading = view.heading();
         let pose = FloorPose {
-            image: c.evidence.images.iter().position(|n| *n == v.image).unwrap_or(0),
+            image,
             name: v.image.clone(),
             attitude: v.attitude,
             position,

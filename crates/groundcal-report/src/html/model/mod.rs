@@ -2,42 +2,45 @@
 //!
 //! Pixels throughout, (0, 0) the centre of the top-left pixel; lengths on the floor in camera heights.
 
-pub mod camera;
-pub mod conic;
-pub mod floor;
-pub mod motions;
-pub mod residuals;
+pub(crate) mod camera;
+pub(crate) mod conic;
+pub(crate) mod floor;
+pub(crate) mod motions;
+pub(crate) mod residuals;
 
-use groundcal::result::{Calibration, WarningReport};
+use groundcal::{
+    remedy::Wording,
+    result::{Calibration, PixelCentre, WarningReport},
+};
 use serde::Serialize;
 
 /// Everything shown.
 #[derive(Debug, Serialize)]
-pub struct Model {
+pub(crate) struct Model {
     /// Version of the program.
-    pub version: &'static str,
-    pub pixel_centre: &'static str,
+    pub(crate) version: &'static str,
+    pub(crate) pixel_centre: PixelCentre,
     /// Names of all images, in order.
-    pub images: Vec<String>,
-    pub camera: camera::CameraNumbers,
-    pub motions: Vec<motions::Motion>,
-    pub residuals: Option<residuals::Residuals>,
-    pub floor: Vec<floor::FloorMap>,
-    pub conic: Option<conic::Conic>,
-    pub warnings: Vec<WarningReport>,
+    pub(crate) images: Vec<String>,
+    pub(crate) camera: camera::CameraNumbers,
+    pub(crate) motions: Vec<motions::Motion>,
+    pub(crate) residuals: Option<residuals::Residuals>,
+    pub(crate) floor: Vec<floor::FloorMap>,
+    pub(crate) conic: Option<conic::Conic>,
+    pub(crate) warnings: Vec<WarningReport>,
 }
 
-/// From a calibration.
-pub fn model(c: &Calibration) -> Model {
+/// From a calibration, in the words of a front end.
+pub(crate) fn model(c: &Calibration, wording: &dyn Wording) -> Model {
     Model {
         version: env!("CARGO_PKG_VERSION"),
         pixel_centre: c.pixel_centre,
         images: c.evidence.images.clone(),
         camera: camera::camera(c),
-        motions: motions::motions(c),
+        motions: motions::motions(c, wording),
         residuals: residuals::residuals(c),
         floor: floor::maps(c),
         conic: conic::conic(c),
-        warnings: c.warnings.clone(),
+        warnings: WarningReport::all(&c.warnings, wording),
     }
 }

@@ -2,11 +2,12 @@
 
 use groundcal::{
     floor::view::{FloorGrid, FloorView},
-    geometry::{attitude::up_in_camera, plane_view::View, size::ImageSize},
-    numerics::statistics::median,
+    geometry::{plane_view::View, size::ImageSize},
+    numerics::graph::components,
+    remedy::Wording,
     result::{
         Calibration, MotionReport,
-        evidence::{Evidence, ObservationEvidence, PairEvidence},
+        evidence::{Evidence, PairEvidence},
     },
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -15,61 +16,61 @@ use serde::Serialize;
 
 /// A pair of images of which pictures are shown.
 #[derive(Debug, Serialize)]
-pub struct Motion {
+pub(crate) struct Motion {
     /// Index into the calibration's motions.
-    pub pair: usize,
+    pub(crate) pair: usize,
     /// Indices of the images.
-    pub images: [usize; 2],
-    pub from: String,
-    pub to: String,
-    pub used: bool,
-    pub reason: Option<String>,
-    pub rotation_deg: Option<f64>,
-    pub rho: Option<f64>,
+    pub(crate) images: [usize; 2],
+    pub(crate) from: String,
+    pub(crate) to: String,
+    pub(crate) used: bool,
+    pub(crate) reason: Option<String>,
+    pub(crate) rotation_deg: Option<f64>,
+    pub(crate) rho: Option<f64>,
     /// Matches on the floor and off it, features and patches together; patches not found again.
-    pub accepted: usize,
-    pub rejected: usize,
-    pub lost: usize,
+    pub(crate) accepted: usize,
+    pub(crate) rejected: usize,
+    pub(crate) lost: usize,
     /// Of the pair's own homography, pixels.
-    pub rms_px: Option<f64>,
+    pub(crate) rms_px: Option<f64>,
     /// Of the camera of all motions, both images together, pixels: much more than `rms_px` where the motion does not fit the others.
-    pub joint_rms_px: Option<f64>,
+    pub(crate) joint_rms_px: Option<f64>,
     /// How far the attitudes of its two views are apart, degrees: 0 for a turn about the floor's normal.
-    pub apart_deg: Option<f64>,
+    pub(crate) apart_deg: Option<f64>,
     /// What is wrong with it, in a sentence, if anything is.
-    pub attention: Option<String>,
+    pub(crate) attention: Option<String>,
     /// Where rejected matches gather in the first image: things that stand on the floor, or moved.
-    pub clusters: Vec<Cluster>,
-    pub overlay: Option<Overlay>,
+    pub(crate) clusters: Vec<Cluster>,
+    pub(crate) overlay: Option<Overlay>,
 }
 
 /// A part of the first image in which most matches are rejected.
 #[derive(Debug, Clone, Serialize)]
-pub struct Cluster {
+pub(crate) struct Cluster {
     /// Left, top, right, bottom, pixels.
-    pub box_px: [f64; 4],
-    pub rejected: usize,
-    pub accepted: usize,
+    pub(crate) box_px: [f64; 4],
+    pub(crate) rejected: usize,
+    pub(crate) accepted: usize,
 }
 
 /// Both images laid on the floor.
 #[derive(Debug, Serialize)]
-pub struct Overlay {
+pub(crate) struct Overlay {
     /// Side of a pixel of the overlay, heights of the first camera.
-    pub unit_per_px: f64,
-    pub size: [usize; 2],
+    pub(crate) unit_per_px: f64,
+    pub(crate) size: [usize; 2],
     /// Where the first camera's foot lies in it, pixels; up is where it looks.
-    pub foot_px: [f64; 2],
+    pub(crate) foot_px: [f64; 2],
     /// Correlation coefficient of the two where both see the floor (with images only): near 1 where they fit.
-    pub correlation: Option<f64>,
+    pub(crate) correlation: Option<f64>,
     #[serde(skip)]
-    pub map: OverlayMap,
+    pub(crate) map: OverlayMap,
 }
 
 /// How the overlay is made.
 #[derive(Debug)]
-pub struct OverlayMap {
-    pub grid: FloorGrid,
+pub(crate) struct OverlayMap {
+    pub(crate) grid: FloorGrid,
     first: FloorView,
     second: Second,
 }
@@ -84,7 +85,7 @@ enum Second {
 
 impl OverlayMap {
     /// The pixel of the first (0) or second (1) image at a pixel of the overlay.
-    pub fn source(&self, e: &Evidence, which: usize, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn source(&self, e: &Evidence, which: usize, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let floor = self.grid.floor_from_pixel(p);
         match (which, &self.second) {
             (0, _) => self.first.pixel_from_floor(&floor),
@@ -97,7 +98,7 @@ impl OverlayMap {
 impl OverlayMap {
     /// Outline of the floor that an image sees, in pixels of the overlay; a pixel narrower than the image, where it has neighbours
     /// to be resampled from.
-    pub fn outline(&self, e: &Evidence, which: usize, size: ImageSize) -> Vec<[f64; 2]> {
+    pub(crate) fn outline(&self, e: &Evidence, which: usize, size: ImageSize) -> Vec<[f64; 2]> {
         const SIDE_POINTS: usize = 24;
         let (w, h) = (size.width as f64 - 2.0, size.height as f64 - 2.0);
         let corners = [[1.0, 1.0], [w, 1.0], [w, h], [1.0, h]];
@@ -125,7 +126,7 @@ impl OverlayMap {
     }
 
     /// The pixel of the overlay at a pixel of the first (0) or second (1) image; `None` at or above the horizon.
-    pub fn on_grid(&self, e: &Evidence, which: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
+    pub(crate) fn on_grid(&self, e: &Evidence, which: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let pixel = Vector2::from(pixel);
         let floor = match (which, &self.second) {
             (0, _) => self.first.floor_from_pixel(&pixel)?,
@@ -142,17 +143,11 @@ impl OverlayMap {
 /// Pairs of images that no motion uses are shown too, up to so many.
 const UNUSED_SHOWN: usize = 6;
 /// Longer side of an overlay in pixels.
-pub const OVERLAY_PX: f64 = 460.0;
+pub(crate) const OVERLAY_PX: f64 = 460.0;
 /// How far floor is laid out, in camera heights.
 const OVERLAY_FARTHEST: f64 = 8.0;
 /// Floor beyond this lies outside every overlay, in camera heights.
 const OUTLINE_FARTHEST: f64 = 40.0;
-/// Views of a motion further apart than this, and than so many times what is usual, have tilted against each other.
-const LEAST_APART_DEG: f64 = 0.2;
-const MANY_TIMES: f64 = 5.0;
-/// A motion that fits the camera of all so many times worse than a homography, and by so many pixels, does not fit it.
-const MISFIT: f64 = 4.0;
-const LEAST_MISFIT_PX: f64 = 0.1;
 /// Nearest neighbours looked at of a rejected match; how many of them must be rejected too, and by how many deviations more
 /// than chance gives; fewest rejected matches of a cluster.
 const NEIGHBOURS: usize = 8;
@@ -161,7 +156,7 @@ const CHANCE: f64 = 2.5;
 const CLUSTER_REJECTED: usize = 8;
 
 /// The motions used, then the best pair of each image that none of them uses.
-pub fn motions(c: &Calibration) -> Vec<Motion> {
+pub(crate) fn motions(c: &Calibration, wording: &dyn Wording) -> Vec<Motion> {
     let e = &c.evidence;
     let mut chosen: Vec<usize> = (0..e.pairs.len()).filter(|&i| c.motions[i].used).collect();
     let mut seen: Vec<usize> = chosen.iter().flat_map(|&i| e.pairs[i].images).collect();
@@ -178,55 +173,15 @@ pub fn motions(c: &Calibration) -> Vec<Motion> {
         }
     }
     let mut all: Vec<Motion> = chosen.into_par_iter().map(|i| motion(c, i)).collect();
-    let apart: Vec<Option<f64>> = all.iter().map(|m| m.apart_deg).collect();
-    for (i, m) in all.iter_mut().enumerate() {
-        let others = apart.iter().enumerate().filter(|(j, _)| *j != i).filter_map(|(_, a)| *a).collect();
-        m.attention = attention(m, others);
+    for m in &mut all {
+        m.attention = c.motions[m.pair].diagnosis.and_then(|d| d.verdict.message(wording));
     }
     all
-}
-
-/// What is wrong with a motion that takes part: its views tilt against each other more than those of the `others` do, or it fits
-/// the camera of all far worse than its own homography.
-fn attention(m: &Motion, mut others: Vec<f64>) -> Option<String> {
-    if let Some(apart) = m.apart_deg {
-        let usual = if others.is_empty() { 0.0 } else { median(&mut others) };
-        if apart > LEAST_APART_DEG && apart > MANY_TIMES * usual {
-            return Some(format!(
-                "the attitudes of its two views are {apart:.2} degrees apart, those of the other motions {usual:.2}: the camera tilted \
-                 between the two images, or they show different planes. Leave the pair out (--pairs) or take it again"
-            ));
-        }
-    }
-    let (own, joint) = (m.rms_px?, m.joint_rms_px?);
-    (joint > MISFIT * own && joint > LEAST_MISFIT_PX).then(|| {
-        format!(
-            "its points are {joint:.2} px off the camera of all motions, but {own:.2} px off a homography of their own: a motion is wrong \
-             (this one or another), or the lens model is too simple"
-        )
-    })
 }
 
 fn motion(c: &Calibration, pair: usize) -> Motion {
     let (report, p) = (&c.motions[pair], &c.evidence.pairs[pair]);
     let accepted = p.matches.iter().filter(|m| m.accepted).count();
-    // Of the kind that its own homography is of.
-    let patches = p.matches.iter().any(|m| m.patch);
-    let of_motion = |o: &&ObservationEvidence| p.images.contains(&o.image) && o.patch == patches;
-    let (mut squares, mut count) = (0.0, 0);
-    for o in c.evidence.observations.iter().filter(of_motion) {
-        squares += o.residual_px[0].powi(2) + o.residual_px[1].powi(2);
-        count += 1;
-    }
-    let joint_rms_px = (report.used && count > 0).then(|| (2.0 * squares / f64::from(count)).sqrt());
-    let up = |name: &str| {
-        let v = c.views.iter().find(|v| v.image == name && v.attitude.is_some())?;
-        Some(up_in_camera(v.pitch_down_deg.to_radians(), v.roll_deg.to_radians()))
-    };
-    let apart_deg = match (up(&report.from), up(&report.to)) {
-        (Some(a), Some(b)) if report.used => Some(a.cross(&b).norm().atan2(a.dot(&b)).to_degrees()),
-        _ => None,
-    };
     Motion {
         pair,
         images: p.images,
@@ -240,8 +195,8 @@ fn motion(c: &Calibration, pair: usize) -> Motion {
         rejected: p.matches.len() - accepted,
         lost: p.lost_patches.len(),
         rms_px: report.rms_px,
-        joint_rms_px,
-        apart_deg,
+        joint_rms_px: report.diagnosis.and_then(|d| d.joint_rms_px),
+        apart_deg: report.diagnosis.and_then(|d| d.apart_deg),
         attention: None,
         clusters: clusters(p, &c.evidence, c.camera.image_size),
         overlay: overlay(c, report, p),
@@ -251,7 +206,7 @@ fn motion(c: &Calibration, pair: usize) -> Motion {
 /// Parts of the first image where rejected matches (and patches not found) are among themselves: those most of whose nearest
 /// neighbours are rejected too, more than chance gives, joined with these neighbours. What the second image does not show cannot
 /// be matched and does not count.
-pub fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster> {
+pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster> {
     let shown = |a: [f64; 2]| carried(p, e, Vector2::from(a)).is_none_or(|b| inside(b, size));
     let of = |wanted: bool| p.matches.iter().filter(move |m| m.accepted == wanted).map(|m| m.a);
     let rejected: Vec<[f64; 2]> = of(false).chain(p.lost_patches.iter().copied()).filter(|a| shown(*a)).collect();
@@ -272,15 +227,8 @@ pub fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<Cluster
             if like.len() >= enough { like } else { Vec::new() }
         })
         .collect();
-    let mut label: Vec<usize> = (0..rejected.len()).collect();
-    for (i, like) in among.iter().enumerate() {
-        for &k in like {
-            let (keep, change) = (label[i].min(label[k]), label[i].max(label[k]));
-            if keep != change {
-                label.iter_mut().filter(|l| **l == change).for_each(|l| *l = keep);
-            }
-        }
-    }
+    let edges = among.iter().enumerate().flat_map(|(i, like)| like.iter().map(move |&k| (i, k)));
+    let label = components(rejected.len(), edges);
     let mut found: Vec<Cluster> = (0..rejected.len())
         .map(|root| (0..rejected.len()).filter(|&i| label[i] == root).map(|i| rejected[i]).collect::<Vec<_>>())
         .filter(|members| members.len() >= CLUSTER_REJECTED)
@@ -342,7 +290,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
             };
             let h = p.h_b_from_a?;
             (
-                FloorView::new(&camera.intrinsics(), &camera.lens(), &pose).ok()?,
+                FloorView::new(&camera.intrinsics(), camera.lens(), &pose).ok()?,
                 Second::Homography(Matrix3::from_fn(|r, k| h[r][k])),
             )
         }
@@ -382,7 +330,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
 }
 
 /// The size of an overlay's grid.
-pub fn size_of(overlay: &Overlay) -> ImageSize {
+pub(crate) fn size_of(overlay: &Overlay) -> ImageSize {
     overlay.map.grid.size
 }
 

@@ -8,74 +8,74 @@ use serde::Serialize;
 
 /// Residuals, measured less predicted, in pixels.
 #[derive(Debug, Serialize)]
-pub struct Residuals {
+pub(crate) struct Residuals {
     /// One for each image that takes part.
-    pub images: Vec<ImageResiduals>,
+    pub(crate) images: Vec<ImageResiduals>,
     /// All images together.
-    pub all: Field,
+    pub(crate) all: Field,
     /// Rings about the principal point, from it outwards, with equally many points.
-    pub rings: Vec<Ring>,
+    pub(crate) rings: Vec<Ring>,
     /// Largest mean radial residual of a ring over its standard deviation: above 4 something is left that depends on the radius.
-    pub radial_significance: f64,
+    pub(crate) radial_significance: f64,
     /// Mean radial residual where it is largest, pixels.
-    pub radial_px: f64,
+    pub(crate) radial_px: f64,
     /// How many times larger residuals are than those about a homography of each pair's own, for patches and for points (1: the
     /// camera explains them as well).
-    pub times_own: [Option<f64>; 2],
+    pub(crate) times_own: [Option<f64>; 2],
 }
 
 /// Residuals of an image.
 #[derive(Debug, Serialize)]
-pub struct ImageResiduals {
+pub(crate) struct ImageResiduals {
     /// Index of the image.
-    pub image: usize,
-    pub name: String,
-    pub observations: usize,
+    pub(crate) image: usize,
+    pub(crate) name: String,
+    pub(crate) observations: usize,
     /// Root mean square of both coordinates together, pixels.
-    pub rms_px: f64,
+    pub(crate) rms_px: f64,
     /// The same in standard deviations of a coordinate as all images together show them: 1 is average.
-    pub weighted_rms: f64,
+    pub(crate) weighted_rms: f64,
     /// Points that count less because their residual is too large.
-    pub downweighted: usize,
+    pub(crate) downweighted: usize,
     /// Where they point.
     #[serde(skip)]
-    pub field: Field,
+    pub(crate) field: Field,
 }
 
 /// Mean residuals over the image plane.
 #[derive(Debug, Serialize)]
-pub struct Field {
+pub(crate) struct Field {
     /// Columns and rows of cells.
-    pub cells_xy: [usize; 2],
+    pub(crate) cells_xy: [usize; 2],
     /// Row by row; cells with fewer than three points are left out.
-    pub cells: Vec<Cell>,
+    pub(crate) cells: Vec<Cell>,
 }
 
 /// Mean residual in a part of the image.
 #[derive(Debug, Clone, Serialize)]
-pub struct Cell {
+pub(crate) struct Cell {
     /// Its middle, pixels.
-    pub at: [f64; 2],
-    pub observations: usize,
-    pub mean_px: [f64; 2],
+    pub(crate) at: [f64; 2],
+    pub(crate) observations: usize,
+    pub(crate) mean_px: [f64; 2],
     /// Standard deviation of each coordinate of the mean.
-    pub sigma_px: f64,
+    pub(crate) sigma_px: f64,
 }
 
 /// Mean residuals in a ring.
 #[derive(Debug, Clone, Serialize)]
-pub struct Ring {
+pub(crate) struct Ring {
     /// Inner and outer radius, pixels.
-    pub radius_px: [f64; 2],
+    pub(crate) radius_px: [f64; 2],
     /// Mean radius of its points.
-    pub at_px: f64,
-    pub observations: usize,
+    pub(crate) at_px: f64,
+    pub(crate) observations: usize,
     /// Mean of the outward component.
-    pub radial_px: f64,
+    pub(crate) radial_px: f64,
     /// Mean of the component across, clockwise as shown.
-    pub tangential_px: f64,
+    pub(crate) tangential_px: f64,
     /// Standard deviation of both means.
-    pub sigma_px: f64,
+    pub(crate) sigma_px: f64,
 }
 
 /// Rings, and the fewest points of one.
@@ -107,7 +107,7 @@ impl Weighted<'_> {
 }
 
 /// Residuals of a calibration; `None` without a joint refinement.
-pub fn residuals(c: &Calibration) -> Option<Residuals> {
+pub(crate) fn residuals(c: &Calibration) -> Option<Residuals> {
     let e = &c.evidence;
     let all: Vec<Weighted> = e.observations.iter().filter_map(weighted).collect();
     if all.is_empty() {
@@ -151,7 +151,7 @@ pub fn residuals(c: &Calibration) -> Option<Residuals> {
 
 impl Ring {
     /// Mean radial residual over its deviation, without sign.
-    pub fn significance(&self) -> f64 {
+    pub(crate) fn significance(&self) -> f64 {
         self.radial_px.abs() / self.sigma_px
     }
 }

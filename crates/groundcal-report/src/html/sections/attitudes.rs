@@ -2,13 +2,15 @@
 
 use groundcal::result::Calibration;
 
-use crate::html::sections::{figure, floor::style, table, with_sigma};
-use crate::html::{
-    model::conic::Conic,
-    svg::{Anchor, Scale, Svg, fixed},
+use crate::{
+    canvas::{Anchor, scale::Scale},
+    html::{
+        markup::{Drawing, attitude_class, counted, drawing, figure, fixed, power_of_ten, table, with_sigma},
+        model::conic::Conic,
+    },
 };
 
-pub fn section(c: &Calibration, conic: &Conic) -> String {
+pub(crate) fn section(c: &Calibration, conic: &Conic) -> String {
     let mut out = String::from("<div class=\"figures\">\n");
     out.push_str(&points(c, conic));
     out.push_str(&spread(conic));
@@ -73,29 +75,25 @@ fn points(c: &Calibration, conic: &Conic) -> String {
     let (width, height) = (scale * (x[1] - x[0]), scale * (y[1] - y[0]));
     let (sx, sy) = (Scale::new(x, [10.0, 10.0 + width]), Scale::new(y, [10.0, 10.0 + height]));
     let at = |p: [f64; 2]| [sx.at(p[0]), sy.at(p[1])];
-    let mut svg = Svg::new(
-        [0.0, 0.0, 20.0 + side.max(width), 44.0 + height],
-        "plot",
-        "Horizons and circular points about the image",
-    );
-    svg.rect("frame", at([-0.5, -0.5]), [w * scale, h * scale]);
+    let mut svg = Drawing::new([0.0, 0.0, 20.0 + side.max(width), 44.0 + height]);
+    svg.rectangle("frame", at([-0.5, -0.5]), [w * scale, h * scale]);
     let [px, py] = at([c.camera.cx, c.camera.cy]);
     svg.line("zero", [px - 7.0, py], [px + 7.0, py]).line("zero", [px, py - 7.0], [px, py + 7.0]);
     for (i, point) in &known {
-        let class = style(Some(*i));
+        let class = attitude_class(Some(*i));
         let [low, high] = ends(point);
-        svg.line(&format!("horizon {class}"), at(low), at(high));
+        svg.line(format!("horizon {class}"), at(low), at(high));
         for measured in &conic.attitudes[*i].measured {
             for [x, y] in ends(measured).map(at) {
-                svg.line(&format!("cross {class}"), [x - 5.0, y - 5.0], [x + 5.0, y + 5.0]);
-                svg.line(&format!("cross {class}"), [x - 5.0, y + 5.0], [x + 5.0, y - 5.0]);
+                svg.line(format!("cross {class}"), [x - 5.0, y - 5.0], [x + 5.0, y + 5.0]);
+                svg.line(format!("cross {class}"), [x - 5.0, y + 5.0], [x + 5.0, y - 5.0]);
             }
         }
         for end in [low, high] {
-            svg.circle(&format!("ring {class}"), at(end), 6.0);
+            svg.circle(format!("ring {class}"), at(end), 6.0);
         }
         let [mx, my] = at(point[0]);
-        svg.circle(&format!("foot {class}"), [mx, my], 3.0);
+        svg.circle(format!("foot {class}"), [mx, my], 3.0);
         svg.text("mark", [mx + 10.0, my - 6.0], Anchor::Start, &(i + 1).to_string());
     }
     // A bar for the scale: as long as the image is wide.
@@ -111,7 +109,7 @@ fn points(c: &Calibration, conic: &Conic) -> String {
     let beyond = if hidden > 0 { format!(" {hidden} too far away to be drawn.") } else { String::new() };
     figure(
         "half",
-        &svg.finish(),
+        &drawing(&svg, "plot", "Horizons and circular points about the image"),
         &format!(
             "Each attitude's horizon with its pair of circular points m \u{b1} i d, drawn at m \u{b1} d (rings; dot: m; number: attitude). \
              Crosses: the same from each motion by itself; they should lie in the rings.{beyond} Horizons of different directions and \
@@ -123,7 +121,7 @@ fn points(c: &Calibration, conic: &Conic) -> String {
 /// Attitudes on a disc: straight down in the middle, level at the rim, roll as the angle.
 fn spread(conic: &Conic) -> String {
     let (centre, radius) = ([250.0, 236.0], 190.0);
-    let mut svg = Svg::new([0.0, 0.0, 500.0, 470.0], "plot", "Attitudes by pitch and roll");
+    let mut svg = Drawing::new([0.0, 0.0, 500.0, 470.0]);
     for (i, part) in [1.0, 2.0 / 3.0, 1.0 / 3.0].into_iter().enumerate() {
         svg.circle(if i == 0 { "frame" } else { "grid" }, centre, radius * part);
         let text = format!("{}\u{b0}", fixed(90.0 * (1.0 - part), 0));
@@ -147,15 +145,15 @@ fn spread(conic: &Conic) -> String {
         let [x, y] = at(a.pitch_down_deg, a.roll_deg);
         for [pitch, roll] in &a.views {
             let own = at(*pitch, *roll);
-            svg.line(&format!("strays {}", style(Some(i))), [x, y], own);
-            svg.circle(&format!("own {}", style(Some(i))), own, 2.0);
+            svg.line(format!("strays {}", attitude_class(Some(i))), [x, y], own);
+            svg.circle(format!("own {}", attitude_class(Some(i))), own, 2.0);
         }
-        svg.circle(&format!("foot {}", style(Some(i))), [x, y], 6.0);
+        svg.circle(format!("foot {}", attitude_class(Some(i))), [x, y], 6.0);
         svg.text("mark", [x + 10.0, y - 7.0], Anchor::Start, &(i + 1).to_string());
     }
     figure(
         "half",
-        &svg.finish(),
+        &drawing(&svg, "plot", "Attitudes by pitch and roll"),
         &format!(
             "How the attitudes are spread: roll as the angle, pitch below the horizon from the rim (level) to the middle (straight down). \
              Spread here: {} degrees of pitch, {} of roll. Points far apart, and not all on one spoke, determine the camera best. Small dots are single views: away from their ring the camera tilted between them.",
@@ -169,11 +167,10 @@ fn conditioning(conic: &Conic) -> String {
     let n = conic.unknowns.len();
     let enough = if conic.equations < n {
         format!(
-            "<p class=\"note\"><strong>{} equations from {} attitude{} for {n} unknowns:</strong> the rest is held by what was assumed, or \
+            "<p class=\"note\"><strong>{} equations from {} for {n} unknowns:</strong> the rest is held by what was assumed, or \
              told by the lens and by views that overlap.</p>\n",
             conic.equations,
-            conic.attitudes.len(),
-            if conic.attitudes.len() == 1 { "" } else { "s" }
+            counted(conic.attitudes.len(), "attitude")
         )
     } else {
         format!("<p>{} equations from {} attitudes for {n} unknowns.</p>\n", conic.equations, conic.attitudes.len())
@@ -181,25 +178,6 @@ fn conditioning(conic: &Conic) -> String {
     if conic.singular_values.is_empty() {
         return enough;
     }
-    let (left, row) = (34.0, 26.0);
-    let least = -4.0;
-    let x = Scale::new([least, 0.0], [left, 480.0]);
-    let bottom = 10.0 + row * conic.singular_values.len() as f64;
-    let mut svg = Svg::new([0.0, 0.0, 520.0, bottom + 46.0], "plot", "Singular values of the attitudes' equations");
-    for power in -4..=0 {
-        let at = x.at(f64::from(power));
-        svg.line("grid", [at, 10.0], [at, bottom]);
-        let label = if power == -4 { "\u{2264} 0.0001".into() } else { fixed(10f64.powi(power), (-power) as usize) };
-        svg.text("tick", [at, bottom + 16.0], Anchor::Middle, &label);
-    }
-    for (i, value) in conic.singular_values.iter().enumerate() {
-        let y = 10.0 + row * (i as f64 + 0.2);
-        let end = x.at(value.max(1e-4).log10());
-        svg.rect("bar", [left, y], [(end - left).max(2.0), 0.6 * row]);
-        svg.text("tick", [left - 8.0, y + 0.45 * row], Anchor::End, &(i + 1).to_string());
-    }
-    svg.line("axis", [left, bottom], [480.0, bottom]);
-    svg.text("tick", [0.5 * (left + 480.0), bottom + 38.0], Anchor::Middle, "singular value over the largest");
     let parts: Vec<String> = conic
         .unknowns
         .iter()
@@ -215,5 +193,32 @@ fn conditioning(conic: &Conic) -> String {
          hardly tell; the weakest is {} (cx, cy, skew in half image sides).",
         parts.join(" + ").replace("+ \u{2212}", "\u{2212} ")
     );
-    format!("{enough}<div class=\"figures\">{}</div>\n", figure("half", &svg.finish(), &caption))
+    format!(
+        "{enough}<div class=\"figures\">{}</div>\n",
+        figure("half", &singular_values(&conic.singular_values), &caption)
+    )
+}
+
+/// Bars on a logarithmic scale.
+fn singular_values(values: &[f64]) -> String {
+    let (left, row) = (34.0, 26.0);
+    let least = -4.0;
+    let x = Scale::new([least, 0.0], [left, 480.0]);
+    let bottom = 10.0 + row * values.len() as f64;
+    let mut svg = Drawing::new([0.0, 0.0, 520.0, bottom + 46.0]);
+    for power in -4..=0 {
+        let at = x.at(f64::from(power));
+        svg.line("grid", [at, 10.0], [at, bottom]);
+        let label = if power == -4 { "\u{2264} 0.0001".into() } else { power_of_ten(power) };
+        svg.text("tick", [at, bottom + 16.0], Anchor::Middle, &label);
+    }
+    for (i, value) in values.iter().enumerate() {
+        let y = 10.0 + row * (i as f64 + 0.2);
+        let end = x.at(value.max(1e-4).log10());
+        svg.rectangle("bar", [left, y], [(end - left).max(2.0), 0.6 * row]);
+        svg.text("tick", [left - 8.0, y + 0.45 * row], Anchor::End, &(i + 1).to_string());
+    }
+    svg.line("axis", [left, bottom], [480.0, bottom]);
+    svg.text("tick", [0.5 * (left + 480.0), bottom + 38.0], Anchor::Middle, "singular value over the largest");
+    drawing(&svg, "plot", "Singular values of the attitudes' equations")
 }

@@ -2,16 +2,19 @@
 
 use groundcal::result::Calibration;
 
-use crate::html::sections::{decimals, figure, table};
-use crate::html::{
-    model::{
-        Model,
-        camera::{CameraNumbers, Parameter},
+use crate::{
+    canvas::{Anchor, Point, Shape, scale::Scale},
+    html::{
+        markup::{Axes, Drawing, NONE, drawing, figure, fixed, power_of_ten, symbol, table},
+        model::{
+            Model,
+            camera::{CameraNumber, CameraNumbers},
+        },
     },
-    svg::{Anchor, Scale, Svg, fixed, path_of},
+    number::decimals_of_sigma,
 };
 
-pub fn section(c: &Calibration, model: &Model) -> String {
+pub(crate) fn section(c: &Calibration, model: &Model) -> String {
     let camera = &model.camera;
     let rows: Vec<Vec<String>> = camera.parameters.iter().map(|p| row(p, c)).collect();
     let mut out = table(
@@ -36,13 +39,13 @@ pub fn section(c: &Calibration, model: &Model) -> String {
     out
 }
 
-fn row(p: &Parameter, c: &Calibration) -> Vec<String> {
-    let digits = p.sigma.map_or(if p.unit.is_empty() { 5 } else { 3 }, decimals);
+fn row(p: &CameraNumber, c: &Calibration) -> Vec<String> {
+    let digits = p.sigma.map_or(if p.unit.is_empty() { 5 } else { 3 }, decimals_of_sigma);
     let unit = if p.unit.is_empty() { String::new() } else { format!(" {}", p.unit) };
-    let dash = || "\u{2013}".to_string();
+    let dash = || NONE.to_string();
     let source = match (p.sigma, p.name) {
         (Some(_), _) => None,
-        (None, "k1" | "k2") => Some(c.camera.distortion.source),
+        (None, "k1" | "k2") => Some(c.camera.distortion.source.name()),
         _ => Some("held"),
     };
     let relative = if p.unit == "px" {
@@ -60,7 +63,7 @@ fn row(p: &Parameter, c: &Calibration) -> Vec<String> {
         },
         p.interval.map_or_else(dash, |[low, high]| format!("{} to {}", fixed(low, digits), fixed(high, digits))),
         p.prior.map_or_else(dash, |[mean, sigma]| {
-            let digits = decimals(sigma);
+            let digits = decimals_of_sigma(sigma);
             format!("{} \u{b1} {}{unit}", fixed(mean, digits), fixed(sigma, digits))
         }),
         p.from_images.map_or_else(dash, percent),
@@ -84,12 +87,12 @@ fn percent(part: f64) -> String {
 fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
     let [w, h] = camera.image_size.map(|s| s as f64);
     let rho = 0.5 * w.hypot(h) / c.camera.fx;
-    let in_px = |p: &Parameter, s: f64| match p.name {
+    let in_px = |p: &CameraNumber, s: f64| match p.name {
         "k1" => s * c.camera.fx * rho.powi(3),
         "k2" => s * c.camera.fx * rho.powi(5),
         _ => s,
     };
-    let free: Vec<&Parameter> = camera.parameters.iter().filter(|p| p.sigma.is_some_and(|s| s > 0.0)).collect();
+    let free: Vec<&CameraNumber> = camera.parameters.iter().filter(|p| p.sigma.is_some_and(|s| s > 0.0)).collect();
     if free.is_empty() {
         return String::new();
     }
@@ -100,13 +103,11 @@ fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
     let (left, top, row) = (52.0, 14.0, 30.0);
     let bottom = top + row * free.len() as f64;
     let x = Scale::new([low, high], [left, 500.0]);
-    let mut svg =
-        Svg::new([0.0, 0.0, 520.0, bottom + 46.0], "plot", "Standard deviations before and after the images were seen");
+    let mut svg = Drawing::new([0.0, 0.0, 520.0, bottom + 46.0]);
     for power in low as i32..=high as i32 {
         let at = x.at(f64::from(power));
         svg.line("grid", [at, top], [at, bottom]);
-        let label = if power >= 0 { fixed(10f64.powi(power), 0) } else { fixed(10f64.powi(power), (-power) as usize) };
-        svg.text("tick", [at, bottom + 16.0], Anchor::Middle, &label);
+        svg.text("tick", [at, bottom + 16.0], Anchor::Middle, &power_of_ten(power));
     }
     for (i, p) in free.iter().enumerate() {
         let y = top + row * (i as f64 + 0.5);
@@ -115,8 +116,7 @@ fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
         if let Some([_, before]) = p.prior {
             let before = x.at(in_px(p, before).log10());
             svg.line("narrowed", [before, y], [after, y]);
-            let d = path_of(&[[before - 6.0, y], [before, y - 6.0], [before + 6.0, y], [before, y + 6.0]], true);
-            svg.path("prior", &d);
+            svg.shape("prior", diamond([before, y]));
         }
         svg.circle("posterior", [after, y], 5.0);
     }
@@ -127,15 +127,22 @@ fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
         Anchor::Middle,
         "standard deviation, px (k1, k2: their effect at the image's corner)",
     );
-    let legend = "<p class=\"legend\"><svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><path class=\"prior\" d=\"M1 7L7 1L13 7L7 13Z\"/></svg> \
-                  assumed beforehand <svg viewBox=\"0 0 14 14\" aria-hidden=\"true\"><circle class=\"posterior\" cx=\"7\" cy=\"7\" r=\"5\"/></svg> \
-                  after the images</p>";
+    let legend = format!(
+        "<p class=\"legend\">{} assumed beforehand {} after the images</p>",
+        symbol("prior", &diamond([7.0, 7.0])),
+        symbol("posterior", &Shape::Circle([7.0, 7.0], 5.0))
+    );
+    let bars = drawing(&svg, "plot", "Standard deviations before and after the images were seen");
     figure(
         "half",
-        &format!("{}{legend}", svg.finish()),
+        &format!("{bars}{legend}"),
         "How far the images narrowed each number. Where circle and diamond nearly meet, the assumption decided, not the images; \
          without a diamond nothing was assumed.",
     )
+}
+
+fn diamond([x, y]: Point) -> Shape {
+    Shape::polygon(vec![[x - 6.0, y], [x, y - 6.0], [x + 6.0, y], [x, y + 6.0]])
 }
 
 fn lens(camera: &CameraNumbers) -> String {
@@ -146,43 +153,28 @@ fn lens(camera: &CameraNumbers) -> String {
     let high = ends(1.0).fold(0.0, f64::max);
     let room = 0.08 * (high - low).max(1e-6);
     let (x, y) = (Scale::new([0.0, farthest], [left, right]), Scale::new([low - room, high + room], [bottom, top]));
-    let mut svg = Svg::new(
-        [0.0, 0.0, 520.0, 296.0],
-        "plot",
-        "Displacement by the lens against the distance from the principal point",
-    );
-    axes(&mut svg, &x, &y, [left, right, top, bottom], "distance from the principal point, px", "moved outwards, px");
-    let outline: Vec<[f64; 2]> = camera
+    let mut svg = Drawing::new([0.0, 0.0, 520.0, 296.0]);
+    let axes = Axes {
+        frame: [left, right, top, bottom],
+        x: &x,
+        y: &y,
+        x_label: "distance from the principal point, px",
+        y_label: "moved outwards, px",
+    };
+    axes.draw(&mut svg);
+    let outline = camera
         .lens
         .iter()
         .map(|p| [x.at(p.radius_px), y.at(p.outwards_px + 2.0 * p.sigma_px)])
         .chain(camera.lens.iter().rev().map(|p| [x.at(p.radius_px), y.at(p.outwards_px - 2.0 * p.sigma_px)]))
         .collect();
-    svg.polyline("band", &outline, true);
-    let curve: Vec<[f64; 2]> = camera.lens.iter().map(|p| [x.at(p.radius_px), y.at(p.outwards_px)]).collect();
-    svg.polyline("curve", &curve, false);
+    svg.shape("band", Shape::polygon(outline));
+    let curve = camera.lens.iter().map(|p| [x.at(p.radius_px), y.at(p.outwards_px)]).collect();
+    svg.shape("curve", Shape::polyline(curve));
     figure(
         "half",
-        &svg.finish(),
+        &drawing(&svg, "plot", "Displacement by the lens against the distance from the principal point"),
         "What the lens does: how far it moves a point away from the principal point, with two standard deviations to either side. \
          Below zero: barrel.",
     )
-}
-
-/// Grid, ticks and labels of a plot whose frame is left, right, top, bottom.
-pub fn axes(svg: &mut Svg, x: &Scale, y: &Scale, [left, right, top, bottom]: [f64; 4], x_label: &str, y_label: &str) {
-    let (ticks, digits) = x.ticks(6);
-    for t in ticks {
-        svg.line("grid", [x.at(t), top], [x.at(t), bottom]);
-        svg.text("tick", [x.at(t), bottom + 17.0], Anchor::Middle, &fixed(t, digits));
-    }
-    let (ticks, digits) = y.ticks(5);
-    for t in ticks {
-        svg.line(if t.abs() < 1e-12 { "zero" } else { "grid" }, [left, y.at(t)], [right, y.at(t)]);
-        svg.text("tick", [left - 7.0, y.at(t) + 4.0], Anchor::End, &fixed(t, digits));
-    }
-    svg.line("axis", [left, bottom], [right, bottom]);
-    svg.line("axis", [left, top], [left, bottom]);
-    svg.text("tick", [0.5 * (left + right), bottom + 38.0], Anchor::Middle, x_label);
-    svg.text_up("tick", [13.0, 0.5 * (top + bottom)], y_label);
 }

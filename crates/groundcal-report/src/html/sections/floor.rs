@@ -1,21 +1,29 @@
 //! The views from above: where they are, where they look, what they see.
 
-use crate::html::sections::{camera::axes, figure};
-use crate::html::{
-    model::{
-        Model,
-        floor::{FARTHEST, FloorMap},
+use crate::{
+    canvas::{
+        Anchor, Point, Shape,
+        arrow::{Head, arrow},
+        scale::Scale,
     },
-    svg::{Anchor, Scale, Svg, arrow, fixed, path_of},
+    html::{
+        markup::{Axes, Drawing, attitude_class, drawing, figure, fixed},
+        model::{
+            Model,
+            floor::{FARTHEST, FloorMap},
+        },
+    },
 };
 
 /// Sets of connected views that are drawn.
 const DRAWN: usize = 24;
+/// Of the arrow where a view looks.
+const HEAD: Head = Head { longest: 8.0, part: 0.6, spread: 0.45 };
 
-pub fn section(model: &Model) -> String {
+pub(crate) fn section(model: &Model) -> String {
     let mut out = String::from("<div class=\"figures\">\n");
     for map in model.floor.iter().take(DRAWN) {
-        out.push_str(&drawing(map, model.floor.len() == 1));
+        out.push_str(&seen_from_above(map, model.floor.len() == 1));
     }
     out.push_str("</div>\n");
     if model.floor.len() > DRAWN {
@@ -27,7 +35,7 @@ pub fn section(model: &Model) -> String {
     out
 }
 
-fn drawing(map: &FloorMap, alone: bool) -> String {
+fn seen_from_above(map: &FloorMap, alone: bool) -> String {
     let points = || map.views.iter().flat_map(|v| v.seen.iter().copied().chain([[v.position[0], v.position[1]]]));
     let bounds = |i: usize| {
         let (low, high) = points().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), p| (l.min(p[i]), h.max(p[i])));
@@ -43,30 +51,27 @@ fn drawing(map: &FloorMap, alone: bool) -> String {
     let (right, bottom) = (left + per_unit * (y[1] - y[0]), top + per_unit * (x[1] - x[0]));
     let across = Scale::new([-y[1], -y[0]], [left, right]);
     let ahead = Scale::new(x, [bottom, top]);
-    let at = |p: [f64; 2]| [across.at(-p[1]), ahead.at(p[0])];
-    let mut svg = Svg::new(
-        [0.0, 0.0, (right + 14.0).max(300.0), bottom + 46.0],
-        "plot",
-        &format!("Views connected with {} seen from above", map.origin),
-    );
-    axes(
-        &mut svg,
-        &across,
-        &ahead,
-        [left, right, top, bottom],
-        "to the right, camera heights",
-        "ahead, camera heights",
-    );
+    let at = |p: Point| [across.at(-p[1]), ahead.at(p[0])];
+    let mut svg = Drawing::new([0.0, 0.0, (right + 14.0).max(300.0), bottom + 46.0]);
+    let axes = Axes {
+        frame: [left, right, top, bottom],
+        x: &across,
+        y: &ahead,
+        x_label: "to the right, camera heights",
+        y_label: "ahead, camera heights",
+    };
+    axes.draw(&mut svg);
     for v in &map.views {
-        let outline: Vec<[f64; 2]> = v.seen.iter().map(|p| at(*p)).collect();
-        svg.path(&format!("seen {}", style(v.attitude)), &path_of(&outline, true));
+        let outline = v.seen.iter().map(|p| at(*p)).collect();
+        svg.shape(format!("seen {}", attitude_class(v.attitude)), Shape::polygon(outline));
     }
-    let mut taken: Vec<[f64; 2]> = map.views.iter().map(|v| at([v.position[0], v.position[1]])).collect();
+    let mut taken: Vec<Point> = map.views.iter().map(|v| at([v.position[0], v.position[1]])).collect();
     for v in &map.views {
         let [px, py] = at([v.position[0], v.position[1]]);
         let [dx, dy] = [-v.heading[1], -v.heading[0]];
-        svg.path(&format!("pose {}", style(v.attitude)), &arrow([px, py], [30.0 * dx, 30.0 * dy], 8.0));
-        svg.circle(&format!("foot {}", style(v.attitude)), [px, py], 4.0);
+        let class = attitude_class(v.attitude);
+        svg.shape(format!("pose {class}"), arrow([px, py], [30.0 * dx, 30.0 * dy], HEAD));
+        svg.circle(format!("foot {class}"), [px, py], 4.0);
         let label = free_place([px, py], [dx, dy], &taken);
         taken.push(label);
         svg.text("mark", [label[0], label[1] + 4.0], Anchor::Middle, &(v.image + 1).to_string());
@@ -86,11 +91,12 @@ fn drawing(map: &FloorMap, alone: bool) -> String {
         fixed(FARTHEST, 0),
         names.join("; ")
     );
-    figure(if alone { "whole" } else { "half" }, &svg.finish(), &caption)
+    let label = format!("Views connected with {} seen from above", map.origin);
+    figure(if alone { "whole" } else { "half" }, &drawing(&svg, "plot", &label), &caption)
 }
 
 /// A place for a view's number near its foot: behind the camera, or beside that where others are.
-fn free_place([px, py]: [f64; 2], [dx, dy]: [f64; 2], taken: &[[f64; 2]]) -> [f64; 2] {
+fn free_place([px, py]: Point, [dx, dy]: [f64; 2], taken: &[Point]) -> Point {
     const APART: f64 = 14.0;
     let behind = (-dy).atan2(-dx);
     let places = [15.0, 24.0].into_iter().flat_map(|r: f64| {
@@ -100,11 +106,6 @@ fn free_place([px, py]: [f64; 2], [dx, dy]: [f64; 2], taken: &[[f64; 2]]) -> [f6
         })
     });
     let own = [px, py];
-    let free = |p: &[f64; 2]| taken.iter().all(|t| *t == own || (p[0] - t[0]).hypot(p[1] - t[1]) > APART);
+    let free = |p: &Point| taken.iter().all(|t| *t == own || (p[0] - t[0]).hypot(p[1] - t[1]) > APART);
     places.clone().find(free).or_else(|| places.clone().next()).unwrap_or(own)
-}
-
-/// Class of an attitude's lines: colours and dashes repeat after six.
-pub fn style(attitude: Option<usize>) -> String {
-    attitude.map_or("s0".into(), |a| format!("s{}", a % 6))
 }

@@ -7,21 +7,26 @@ mod motions;
 mod residuals;
 mod tables;
 
-use groundcal::result::Calibration;
+use groundcal::result::{Calibration, Method};
 
-use crate::html::{
-    model::Model,
-    pictures::Pictures,
-    svg::{escape, fixed},
+use crate::{
+    canvas::svg::escape,
+    html::{
+        markup::{counted, fixed},
+        model::Model,
+        pictures::Pictures,
+    },
+    number::decimals_of_sigma,
 };
 
 /// The page's title.
-pub fn title(c: &Calibration) -> String {
+pub(crate) fn title(c: &Calibration) -> String {
     format!("Camera, fx = {} px, from {} images", fixed(c.camera.fx, 1), c.evidence.images.len())
 }
 
 /// Everything between `<body>` and the scripts.
-pub fn write(page: &mut String, c: &Calibration, model: &Model, pictures: &Pictures) {
+pub(crate) fn body(c: &Calibration, model: &Model, pictures: &Pictures) -> String {
+    let mut page = String::with_capacity(4 << 20);
     let mut sections: Vec<(&str, &str, String)> = vec![
         ("warnings", "Warnings", warnings(model)),
         ("camera", "Camera", camera::section(c, model)),
@@ -56,6 +61,7 @@ pub fn write(page: &mut String, c: &Calibration, model: &Model, pictures: &Pictu
          the camera named.</p></footer>\n",
         env!("CARGO_PKG_VERSION")
     ));
+    page
 }
 
 fn headline(c: &Calibration, model: &Model) -> String {
@@ -63,8 +69,8 @@ fn headline(c: &Calibration, model: &Model) -> String {
     let f = match sigma {
         Some(s) => format!(
             "fx = {} \u{b1} {} px ({} %)",
-            fixed(c.camera.fx, decimals(s)),
-            fixed(s, decimals(s)),
+            fixed(c.camera.fx, decimals_of_sigma(s)),
+            fixed(s, decimals_of_sigma(s)),
             fixed(100.0 * s / c.camera.fx, 3)
         ),
         None => format!("fx = {} px, held", fixed(c.camera.fx, 2)),
@@ -73,24 +79,21 @@ fn headline(c: &Calibration, model: &Model) -> String {
     let [w, h] = c.camera.image_size;
     let warned = match model.warnings.len() {
         0 => "no warnings".to_string(),
-        1 => "<a href=\"#warnings\">1 warning</a>".to_string(),
-        n => format!("<a href=\"#warnings\">{n} warnings</a>"),
+        n => format!("<a href=\"#warnings\">{}</a>", counted(n, "warning")),
     };
     format!(
         "<h1>Camera calibration</h1>\n<p class=\"lead\"><strong>{f}</strong></p>\n\
-         <p>{} images of {w} \u{d7} {h} px, {used} of {} pairs used as motions, {} attitude{}; constraint {}, {}; {warned}.</p>\n",
+         <p>{} images of {w} \u{d7} {h} px, {used} of {} pairs used as motions, {}; constraint {}, {}; {warned}.</p>\n",
         c.evidence.images.len(),
         c.motions.len(),
-        c.attitudes.len(),
-        if c.attitudes.len() == 1 { "" } else { "s" },
-        escape(&c.constraint),
-        if c.method == "joint" { "joint refinement" } else { "linear method" },
+        counted(c.attitudes.len(), "attitude"),
+        escape(c.constraint.name()),
+        match c.method {
+            Method::Joint => "joint refinement",
+            Method::Linear => "linear method",
+            Method::Rotating => "rotating-camera method",
+        },
     )
-}
-
-/// Decimals that show two digits of a standard deviation.
-pub fn decimals(sigma: f64) -> usize {
-    if sigma > 0.0 && sigma.is_finite() { (1.0 - sigma.log10().floor()).clamp(0.0, 9.0) as usize } else { 3 }
 }
 
 fn warnings(model: &Model) -> String {
@@ -100,44 +103,7 @@ fn warnings(model: &Model) -> String {
     let items: String = model
         .warnings
         .iter()
-        .map(|w| format!("<li><strong><code>{}</code></strong> {}.</li>\n", w.code, escape(&w.message)))
+        .map(|w| format!("<li><strong><code>{}</code></strong> {}.</li>\n", w.warning.code(), escape(&w.message)))
         .collect();
     format!("<ul class=\"warnings\">\n{items}</ul>\n")
-}
-
-/// A figure with its caption (plain text).
-pub fn figure(class: &str, content: &str, caption: &str) -> String {
-    format!("<figure class=\"{class}\">{content}<figcaption>{}</figcaption></figure>\n", escape(caption))
-}
-
-/// A table; the first column is the row's heading.
-pub fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> String {
-    let head: String = heads.iter().map(|h| format!("<th scope=\"col\">{}</th>", escape(h))).collect();
-    let body: String = rows
-        .iter()
-        .map(|row| {
-            let cells: String = row
-                .iter()
-                .enumerate()
-                .map(|(i, v)| match i {
-                    0 => format!("<th scope=\"row\">{}</th>", escape(v)),
-                    _ => format!("<td>{}</td>", escape(v)),
-                })
-                .collect();
-            format!("<tr>{cells}</tr>\n")
-        })
-        .collect();
-    format!(
-        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table><caption>{0}</caption>\n\
-         <thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table></div>\n",
-        escape(caption)
-    )
-}
-
-/// A value and its deviation with two digits of it.
-pub fn with_sigma(value: f64, sigma: Option<f64>) -> String {
-    match sigma {
-        Some(s) if s > 0.0 => format!("{} \u{b1} {}", fixed(value, decimals(s)), fixed(s, decimals(s))),
-        _ => fixed(value, 4),
-    }
 }

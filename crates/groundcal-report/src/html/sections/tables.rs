@@ -1,14 +1,16 @@
 //! Plain tables: views, pairs, covariance.
 
-use groundcal::result::Calibration;
+use groundcal::result::{Calibration, Parameter};
 
-use crate::html::sections::{table, with_sigma};
-use crate::html::svg::fixed;
+use crate::{
+    html::markup::{NONE, fixed, table, with_sigma},
+    number::typeset,
+};
 
 /// Pairs listed one by one; the rest is counted.
 const LISTED: usize = 400;
 
-pub fn section(c: &Calibration) -> String {
+pub(crate) fn section(c: &Calibration) -> String {
     let mut out = String::new();
     if !c.views.is_empty() {
         out.push_str(&views(c));
@@ -24,10 +26,10 @@ fn views(c: &Calibration) -> String {
         .iter()
         .map(|v| {
             let coordinate =
-                |i: usize| v.position.map_or("\u{2013}".into(), |p| with_sigma(p[i], v.position_sigma.map(|s| s[i])));
-            let number = c.evidence.images.iter().position(|n| *n == v.image).map_or(0, |i| i + 1);
+                |i: usize| v.position.map_or(NONE.into(), |p| with_sigma(p[i], v.position_sigma.map(|s| s[i])));
+            let number = c.evidence.images.iter().position(|n| *n == v.image);
             vec![
-                number.to_string(),
+                number.map_or_else(|| NONE.into(), |i| (i + 1).to_string()),
                 v.image.clone(),
                 v.origin.clone(),
                 with_sigma(v.yaw_deg, Some(v.yaw_sigma_deg)),
@@ -48,7 +50,7 @@ fn views(c: &Calibration) -> String {
 }
 
 fn pairs(c: &Calibration) -> String {
-    let number = |v: Option<f64>, sigma: Option<f64>| v.map_or("\u{2013}".into(), |v| with_sigma(v, sigma));
+    let number = |v: Option<f64>, sigma: Option<f64>| v.map_or(NONE.into(), |v| with_sigma(v, sigma));
     let mut order: Vec<usize> = (0..c.motions.len()).collect();
     order.sort_by_key(|&i| (!c.motions[i].used, !c.motions[i].tie, c.motions[i].rotation_deg.is_none(), i));
     let rows: Vec<Vec<String>> = order
@@ -69,7 +71,7 @@ fn pairs(c: &Calibration) -> String {
                 number(m.rotation_deg, m.rotation_sigma_deg),
                 number(m.rho, m.rho_sigma),
                 format!("{} of {}", m.matches, m.candidate_matches),
-                m.rms_px.map_or("\u{2013}".into(), |v| fixed(v, 3)),
+                m.rms_px.map_or(NONE.into(), |v| fixed(v, 3)),
                 m.reason.clone().unwrap_or_default(),
             ]
         })
@@ -90,14 +92,13 @@ fn pairs(c: &Calibration) -> String {
 }
 
 fn covariance(c: &Calibration) -> String {
-    let names = c.covariance.parameters;
-    let free: Vec<usize> = (0..names.len()).filter(|&i| c.covariance.matrix[i][i] > 0.0).collect();
-    let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|&i| names[i])).collect();
+    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| c.covariance(*p, *p) > 0.0).collect();
+    let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|p| p.name())).collect();
     let rows: Vec<Vec<String>> = free
         .iter()
-        .map(|&r| {
-            let values = free.iter().map(|&k| format!("{:.3e}", c.covariance.matrix[r][k]).replace('-', "\u{2212}"));
-            [names[r].to_string()].into_iter().chain(values).collect()
+        .map(|r| {
+            let values = free.iter().map(|k| typeset(&format!("{:.3e}", c.covariance(*r, *k))));
+            [r.to_string()].into_iter().chain(values).collect()
         })
         .collect();
     table("Covariance of the camera's numbers (pixels squared; k1, k2 without unit)", &heads, &rows)

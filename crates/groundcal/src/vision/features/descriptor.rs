@@ -1,7 +1,7 @@
 //! Directions and gradient histograms of extrema.
 
 use crate::vision::features::{
-    DESCRIPTOR_LENGTH, Feature, Features,
+    feature::{DESCRIPTOR_LENGTH, Feature, Features},
     scale_space::{Extremum, ScaleSpace},
 };
 use crate::vision::image::GrayImage;

@@ -4,8 +4,12 @@
 
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Vector2};
 
-use crate::pairs::correspondence::PointMatch;
-use crate::vision::features::{DESCRIPTOR_LENGTH, Features};
+use crate::{
+    error::Error,
+    observer::{Observer, Silent},
+    pairs::correspondence::PointMatch,
+    vision::features::feature::{DESCRIPTOR_LENGTH, Features},
+};
 
 /// Options of [`match_features`].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,9 +31,22 @@ const BLOCK: usize = 128;
 
 /// Matches, in the order of the first image's features. Deterministic.
 pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec<PointMatch> {
+    match_features_until(a, b, options, &Silent).unwrap_or_default()
+}
+
+/// The same under an observer's eyes.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn match_features_until(
+    a: &Features,
+    b: &Features,
+    options: &MatchOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<PointMatch>, Error> {
     let (na, nb) = (a.points.len(), b.points.len());
     if na == 0 || nb < 2 {
-        return Vec::new();
+        return Ok(Vec::new());
     }
     let mut products = vec![0.0f32; BLOCK * nb];
     // nb x 128, so that the product below is a plain one, for which nalgebra has a fast kernel.
@@ -38,6 +55,7 @@ pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec
     let mut forward: Vec<(usize, f32, f32)> = Vec::with_capacity(na);
     let (mut backward, mut backward_best) = (vec![0u32; nb], vec![f32::NEG_INFINITY; nb]);
     for start in (0..na).step_by(BLOCK) {
+        observer.go_on()?;
         let rows = BLOCK.min(na - start);
         let block = &a.descriptors[start * DESCRIPTOR_LENGTH..(start + rows) * DESCRIPTOR_LENGTH];
         // Column r of the product is row r of `products`.
@@ -93,7 +111,7 @@ pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec
             });
         }
     }
-    matches
+    Ok(matches)
 }
 
 /// The two largest values of a row and where they are; of equals the first.

@@ -11,73 +11,39 @@
 //! spread over the image by a grid: floors are faint, and the strongest responses are the things that stand on them.
 
 mod descriptor;
+mod feature;
 mod matching;
 mod scale_space;
 
+pub use feature::{DESCRIPTOR_LENGTH, Feature, FeatureOptions, Features};
+pub(crate) use matching::match_features_until;
 pub use matching::{MatchOptions, match_features};
 
-use crate::vision::image::GrayImage;
-
-/// Options of [`detect`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FeatureOptions {
-    /// Most features kept of an image, spread over it.
-    pub max_features: usize,
-    /// Least response |D| times the number of scales in an octave, for values in 0..1 (Lowe: 0.03, OpenCV: 0.04).
-    pub contrast_threshold: f64,
-    /// Largest ratio of principal curvatures.
-    pub edge_ratio: f64,
-    /// Images up to this many pixels get an upsampled first octave.
-    pub upsample_below_px: usize,
-    /// Larger images are halved before the first octave until they have no more pixels than this.
-    pub halve_above_px: usize,
-}
-
-impl Default for FeatureOptions {
-    fn default() -> Self {
-        Self {
-            max_features: 3000,
-            contrast_threshold: 0.01,
-            edge_ratio: 10.0,
-            upsample_below_px: 1_500_000,
-            halve_above_px: 6_000_000,
-        }
-    }
-}
-
-/// Number of histogram cells of a descriptor.
-pub const DESCRIPTOR_LENGTH: usize = 128;
-
-/// A feature of an image.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Feature {
-    /// Column in pixels, (0, 0) the centre of the top-left pixel.
-    pub x: f32,
-    /// Row in pixels.
-    pub y: f32,
-    /// Standard deviation of the Gaussian at which it was found, in pixels.
-    pub scale_px: f32,
-    /// Direction of the dominant gradient, radians, from x towards y.
-    pub angle_rad: f32,
-    /// |D| at the extremum.
-    pub response: f32,
-}
-
-/// The features of an image.
-#[derive(Debug, Clone, Default)]
-pub struct Features {
-    /// Where they are.
-    pub points: Vec<Feature>,
-    /// One descriptor of [`DESCRIPTOR_LENGTH`] values a feature, unit length, end to end.
-    pub descriptors: Vec<f32>,
-}
+use crate::{
+    error::Error,
+    observer::{Observer, Silent},
+    vision::image::GrayImage,
+};
 
 /// Detects and describes the features of an image. The same image gives the same features in the same order.
 pub fn detect(image: &GrayImage, options: &FeatureOptions) -> Features {
-    let space = scale_space::ScaleSpace::new(image, options);
-    let extrema = spread(space.extrema(options), image, options.max_features);
+    detect_until(image, options, &Silent).unwrap_or_default()
+}
+
+/// The same under an observer's eyes.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn detect_until(
+    image: &GrayImage,
+    options: &FeatureOptions,
+    observer: &dyn Observer,
+) -> Result<Features, Error> {
+    let space = scale_space::ScaleSpace::new(image, options, observer)?;
+    let extrema = spread(space.extrema(options, observer)?, image, options.max_features);
     let mut features = Features::default();
     for extremum in &extrema {
+        observer.go_on()?;
         // Several directions at one point may exceed the cap: the weakest go.
         if features.points.len() >= options.max_features {
             break;
@@ -87,7 +53,7 @@ pub fn detect(image: &GrayImage, options: &FeatureOptions) -> Features {
     let keep = options.max_features.min(features.points.len());
     features.points.truncate(keep);
     features.descriptors.truncate(keep * DESCRIPTOR_LENGTH);
-    features
+    Ok(features)
 }
 
 /// Cells along the longer side of the grid that spreads the features.

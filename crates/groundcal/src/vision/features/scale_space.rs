@@ -1,7 +1,11 @@
 //! Gaussian scale space and the extrema of its differences.
 
-use crate::vision::features::FeatureOptions;
-use crate::{geometry::size::ImageSize, vision::image::GrayImage};
+use crate::{
+    error::Error,
+    geometry::size::ImageSize,
+    observer::Observer,
+    vision::{features::feature::FeatureOptions, image::GrayImage},
+};
 
 /// Scales in an octave.
 const LAYERS: usize = 3;
@@ -37,7 +41,7 @@ pub(super) struct Extremum {
 }
 
 impl ScaleSpace {
-    pub(super) fn new(image: &GrayImage, options: &FeatureOptions) -> Self {
+    pub(super) fn new(image: &GrayImage, options: &FeatureOptions, observer: &dyn Observer) -> Result<Self, Error> {
         let mut pixel_px = 1.0f32;
         let mut sigma = CAMERA_SIGMA;
         let mut base;
@@ -48,6 +52,7 @@ impl ScaleSpace {
         } else {
             base = image.clone();
             while base.data().len() > options.halve_above_px {
+                observer.go_on()?;
                 // To the blur of a camera of twice the pixel size, then every second pixel.
                 let target: f64 = 2.0 * CAMERA_SIGMA;
                 base = halve(&blur(&base, (target * target - sigma * sigma).max(0.01).sqrt()));
@@ -62,6 +67,7 @@ impl ScaleSpace {
         while first.width().min(first.height()) > 2 * BORDER + 2 {
             let mut gaussians = vec![first];
             for layer in 1..LAYERS + 3 {
+                observer.go_on()?;
                 let before = BASE_SIGMA * step.powi(layer as i32 - 1);
                 let next = blur(&gaussians[layer - 1], before * (step * step - 1.0).sqrt());
                 gaussians.push(next);
@@ -70,15 +76,15 @@ impl ScaleSpace {
             octaves.push(Octave { gaussians, pixel_px });
             pixel_px *= 2.0;
         }
-        Self { octaves }
+        Ok(Self { octaves })
     }
 
-    pub(super) fn extrema(&self, options: &FeatureOptions) -> Vec<Extremum> {
+    pub(super) fn extrema(&self, options: &FeatureOptions, observer: &dyn Observer) -> Result<Vec<Extremum>, Error> {
         let mut found = Vec::new();
         for (index, octave) in self.octaves.iter().enumerate() {
-            extrema_of_octave(octave, index, options, &mut found);
+            extrema_of_octave(octave, index, options, observer, &mut found)?;
         }
-        found
+        Ok(found)
     }
 }
 
@@ -126,7 +132,13 @@ fn smaller(a: f32, b: f32) -> f32 {
 
 /// Samples of an octave's differences that are not exceeded by their 26 neighbours. The differences are taken row by row and
 /// not kept.
-fn extrema_of_octave(octave: &Octave, index: usize, options: &FeatureOptions, found: &mut Vec<Extremum>) {
+fn extrema_of_octave(
+    octave: &Octave,
+    index: usize,
+    options: &FeatureOptions,
+    observer: &dyn Observer,
+    found: &mut Vec<Extremum>,
+) -> Result<(), Error> {
     let threshold = (0.5 * options.contrast_threshold / LAYERS as f64) as f32;
     let g = &octave.gaussians;
     let (w, h) = (g[0].width(), g[0].height());
@@ -135,6 +147,7 @@ fn extrema_of_octave(octave: &Octave, index: usize, options: &FeatureOptions, fo
     let mut is_extremum = vec![false; w];
     let mut layers: [Vec<Extremum>; LAYERS] = [const { Vec::new() }; LAYERS];
     for y in BORDER - 1..h - BORDER + 1 {
+        observer.go_on()?;
         for (layer, difference) in differences.iter_mut().enumerate() {
             difference.subtract(g[layer + 1].row(y), g[layer].row(y), y);
             if y > BORDER {
@@ -182,6 +195,7 @@ fn extrema_of_octave(octave: &Octave, index: usize, options: &FeatureOptions, fo
     for layer in &mut layers {
         found.append(layer);
     }
+    Ok(())
 }
 
 /// The extremum of the quadratic through the neighbours, moving on where it lies nearer to another sample; contrast and

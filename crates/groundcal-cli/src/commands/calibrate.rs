@@ -1,0 +1,292 @@
+//! `groundcal calibrate`: the camera from photographs, or from matches.
+
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
+
+use clap::{Args, ValueEnum};
+use groundcal::{
+    calibrate::{Method, Options, calibrate_images, calibrate_matches},
+    geometry::{distortion::Distortion, size::ImageSize},
+    result::{Calibration, Warning},
+    start::linear_camera::GivenPrior,
+    vision::image::GrayImage,
+};
+use groundcal_io::{
+    export::{self, Format},
+    images::read_images,
+    inputs::{Inputs, find_inputs},
+    matches::{PairChoice, read_matches, read_pairs},
+    names::image_names,
+    note::Note,
+};
+use groundcal_report::{
+    html,
+    text::{self, SummaryOptions},
+};
+
+use crate::{
+    args::{ConstraintArg, DistortionArg, FormatArg, ThreadsArg, parse_height, parse_point, parse_prior, parse_size},
+    error::CliError,
+    output,
+    progress::StageTimes,
+    remedies::Flags,
+};
+
+/// `groundcal calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  groundcal calibrate photos/                      a folder: pairs are found
+  groundcal calibrate 'shots/*.png' --constraint square --out result/
+  groundcal calibrate matches.csv --image-size 1280x960 --constraint zero-skew --json
+
+Take two or more images per camera attitude: turn the camera 15 to 60 degrees (and move it, if you like) over the floor \
+without tilting it. Then tilt or roll it by 20 degrees or more and repeat.
+
+Pixels: (0,0) is the centre of the top-left pixel. Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot \
+determine what was asked, 4 unreadable or unusable input, 1 anything else.")]
+pub(crate) struct CalibrateArgs {
+    /// Folders, image files (JPEG, PNG, TIFF, WebP), glob patterns, or one matches.csv / tracks.csv
+    #[arg(required = true, value_name = "INPUT")]
+    pub(crate) inputs: Vec<String>,
+
+    /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
+    #[arg(long, value_name = "FILE")]
+    pub(crate) pairs: Option<PathBuf>,
+
+    /// What to assume of the camera matrix
+    #[arg(long, value_enum, default_value_t = ConstraintArg::Auto)]
+    pub(crate) constraint: ConstraintArg,
+
+    /// Principal point in pixels: held by `fixed-pp` and `focal`, centre of the prior of `auto` [default: image centre]
+    #[arg(long, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    pub(crate) principal_point: Option<[f64; 2]>,
+
+    /// fy / fx: held by `square` and `focal`, centre of the prior of `auto` [default: 1]
+    #[arg(long, value_name = "A", allow_negative_numbers = true)]
+    pub(crate) aspect: Option<f64>,
+
+    /// What is known of a parameter beforehand, as fx, aspect, cx, cy, skew, k1 or k2 = VALUE+-SIGMA in pixels (aspect, k1, k2: no
+    /// unit); takes the place of the prior of `auto`. May be repeated
+    #[arg(long, value_name = "NAME=VALUE+-SIGMA", value_parser = parse_prior)]
+    pub(crate) prior: Vec<GivenPrior>,
+
+    /// How the camera is estimated
+    #[arg(long, value_enum, default_value_t = MethodArg::Joint)]
+    pub(crate) method: MethodArg,
+
+    /// Lens distortion: what is estimated of it (`none`: the error bars do not cover it)
+    #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
+    pub(crate) distortion: DistortionArg,
+
+    /// Known radial distortion of the lens (Brown-Conrady, as OpenCV); it is undone before anything else, none is estimated
+    #[arg(long, value_name = "K1", allow_hyphen_values = true)]
+    pub(crate) k1: Option<f64>,
+
+    /// Known radial distortion, fourth order
+    #[arg(long, value_name = "K2", allow_hyphen_values = true)]
+    pub(crate) k2: Option<f64>,
+
+    /// How far the camera pitches and rolls by itself between views, standard deviation in degrees (0: not at all)
+    /// [default: estimated from three attitudes on, else 0.1; 1.5 for a single motion before a background that stands still]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub(crate) attitude_sigma_deg: Option<f64>,
+
+    /// How far the camera's height over the floor strays between the views of an attitude, relative standard deviation (0: constant
+    /// height; 0.3 and more: free) [default: estimated]
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub(crate) height_sigma: Option<f64>,
+
+    /// Height of the camera over the floor in metres at the first view (of each set of views that common points connect): gives
+    /// positions in metres [default: that height is 1]
+    #[arg(long, value_name = "METRES", value_parser = parse_height, allow_negative_numbers = true)]
+    pub(crate) camera_height: Option<f64>,
+
+    /// Image size, for matches.csv and tracks.csv
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    pub(crate) image_size: Option<ImageSize>,
+
+    /// Seed of all random choices
+    #[arg(long, default_value_t = 0)]
+    pub(crate) seed: u64,
+
+    /// Most features of an image
+    #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(50..=50_000))]
+    pub(crate) max_features: u32,
+
+    /// Write calibration.json, report.html and the camera in the formats of other programs into this folder (made if need be)
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+
+    /// Formats written into --out beside calibration.json, separated by commas [default: all]
+    #[arg(long, value_name = "NAME", value_enum, value_delimiter = ',', requires = "out")]
+    pub(crate) format: Vec<FormatArg>,
+
+    /// Leave out report.html, the page that shows the calibration
+    #[arg(long, requires = "out")]
+    pub(crate) no_report: bool,
+
+    /// Print the calibration as JSON on standard output and nothing else there
+    #[arg(long)]
+    pub(crate) json: bool,
+
+    #[command(flatten)]
+    pub(crate) threads: ThreadsArg,
+
+    /// List every pair and show how long each stage took (on standard error)
+    #[arg(long, short)]
+    pub(crate) verbose: bool,
+}
+
+/// [`Method`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MethodArg {
+    /// Camera, lens, attitudes, views and points refined together
+    Joint,
+    /// The closed form of Knight, Zisserman & Reid (2003) and maximum likelihood of its circular points, each motion by itself
+    Linear,
+    /// All pairs taken for rotations about the optical centre (Hartley 1994): a pan-tilt camera on the spot, no floor needed. Wrong
+    /// for a camera that moves; `joint` recognises cameras that turn on the spot by itself
+    Rotating,
+}
+
+impl From<MethodArg> for Method {
+    fn from(value: MethodArg) -> Self {
+        match value {
+            MethodArg::Joint => Method::Joint,
+            MethodArg::Linear => Method::Linear,
+            MethodArg::Rotating => Method::Rotating,
+        }
+    }
+}
+
+/// Calibrates, writes the files of `--out` and prints the report.
+pub(crate) fn run(args: &CalibrateArgs) -> Result<(), CliError> {
+    if let Some(out) = &args.out {
+        output::refuse_file(out)?;
+    }
+    output::on_threads(args.threads, || calibrate(args))
+}
+
+fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
+    let progress = StageTimes::new("reading");
+    let result = from_inputs(args, &progress);
+    let mut times = progress.finish();
+    let Calibrated { mut calibration, images, notes } = result?;
+    for note in notes {
+        output::note(&note.to_string());
+    }
+    if let Some(height_m) = args.camera_height {
+        calibration = calibration.with_camera_height(height_m)?;
+    }
+    if let Some(out) = &args.out {
+        let start = Instant::now();
+        let page = if args.no_report { None } else { Some(html::page(&calibration, &images, &Flags)?) };
+        let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
+        for note in write_results(out, &calibration, &formats, page.as_deref())? {
+            output::note(&note);
+        }
+        times.push(("writing", start.elapsed()));
+    }
+    let page = if args.json {
+        export::json(&calibration, &Flags)?
+    } else {
+        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() }, &Flags)
+    };
+    output::print(&page)?;
+    if args.verbose {
+        let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
+        for (stage, time) in &times {
+            output::tell(&format!("{stage:<20}{:>8.3} s", time.as_secs_f64()));
+        }
+        output::tell(&format!("{:<20}{total:>8.3} s", "all"));
+    }
+    Ok(())
+}
+
+/// A calibration and what it was made from.
+struct Calibrated {
+    calibration: Calibration,
+    /// The images themselves; none for matches from elsewhere.
+    images: Vec<GrayImage>,
+    /// What there is to say about the files.
+    notes: Vec<Note>,
+}
+
+/// Input to calibration.
+fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated, CliError> {
+    let mut options = options(args);
+    match find_inputs(&args.inputs)? {
+        Inputs::Images(files) => {
+            if args.image_size.is_some() {
+                return Err(CliError::Usage(
+                    "--image-size goes with matches.csv or tracks.csv; images have their own".into(),
+                ));
+            }
+            let names = image_names(&files);
+            if let Some(path) = &args.pairs {
+                options.pairs = Some(read_pairs(path, &names)?);
+            }
+            let read = read_images(&files)?;
+            let calibration = calibrate_images(&names, &read.images, &options, progress)?;
+            Ok(Calibrated { calibration, images: read.images, notes: read.notes })
+        }
+        Inputs::Csv(path) => {
+            let size = args.image_size.ok_or_else(|| {
+                CliError::Usage(format!("{}: give the size of the images with --image-size WxH", path.display()))
+            })?;
+            let choice = match &args.pairs {
+                Some(list) => PairChoice::Listed(list),
+                None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
+            };
+            let table = read_matches(&path, size, choice)?;
+            options.pairs.clone_from(&table.listed);
+            let count = table.names.len();
+            let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
+            if table.neighbours_only {
+                calibration.warnings.push(Warning::NeighboursOnly { images: count });
+            }
+            Ok(Calibrated { calibration, images: Vec::new(), notes: Vec::new() })
+        }
+    }
+}
+
+fn options(args: &CalibrateArgs) -> Options {
+    let mut options = Options {
+        constraint: args.constraint.into(),
+        principal_point_px: args.principal_point,
+        aspect: args.aspect,
+        lens: args.distortion.into(),
+        method: args.method.into(),
+        priors: args.prior.clone(),
+        height_sigma: args.height_sigma,
+        distortion: Distortion::radial(args.k1.unwrap_or(0.0), args.k2.unwrap_or(0.0)),
+        attitude_sigma_deg: args.attitude_sigma_deg,
+        seed: args.seed,
+        ..Options::default()
+    };
+    options.features.max_features = args.max_features as usize;
+    options
+}
+
+/// The files of `--out`, the report's page among them if there is one, `calibration.json` last; the folder is made if need be. Returns
+/// what the formats cannot say.
+fn write_results(
+    out: &Path,
+    calibration: &Calibration,
+    formats: &[Format],
+    page: Option<&str>,
+) -> Result<Vec<String>, CliError> {
+    output::make_folder(out)?;
+    let json = export::json(calibration, &Flags)?;
+    let rendered = export::render(calibration, formats)?;
+    if let Some(page) = page {
+        export::write_whole(&out.join("report.html"), page.as_bytes())?;
+    }
+    for file in &rendered.files {
+        export::write_whole(&out.join(file.name), file.content.as_bytes())?;
+    }
+    export::write_whole(&out.join("calibration.json"), json.as_bytes())?;
+    Ok(rendered.notes)
+}

@@ -1,0 +1,381 @@
+//! `groundcal rectify`: metric bird's-eye pictures of the floor, of each view or of all together.
+
+use std::{fmt::Write, path::PathBuf};
+
+use clap::{Args, ValueEnum};
+use groundcal::{
+    floor::{
+        layout::{self, DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, ResolutionError, sets_of_one_world},
+        placed::{Placed, placed},
+        rectify::{Mosaic, rectify},
+        view::{FloorGrid, FloorView},
+    },
+    result::{Calibration, Method},
+    vision::resample::{Pyramid, Resampled},
+};
+use groundcal_io::{
+    export::{
+        floor_picture::{self, FloorPicture},
+        write_whole,
+    },
+    import::groundcal_json,
+    inputs::find_images,
+    names::stems,
+    pictures::{self, PictureFormat, PictureReader},
+    view_files::{ViewFiles, look_beside, match_files},
+};
+
+use crate::{
+    args::{PictureFormatArg, ThreadsArg, parse_height},
+    error::CliError,
+    output,
+};
+
+/// `groundcal rectify`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  groundcal calibrate photos/ --out result/
+  groundcal rectify result/ photos/ --out floor/                    each view from above
+  groundcal rectify result/ photos/ --out floor/ --mosaic --camera-height 1.45 --resolution 500
+
+Beside each picture: a world file (.pgw, .jgw) and a JSON file with the homography from the image to the floor. Lengths \
+are in heights of the camera at the first view, in metres with --camera-height (here or in calibrate). Exit codes: 0 \
+pictures, 2 wrong usage, 4 unreadable or unusable input, 1 anything else.")]
+pub(crate) struct RectifyArgs {
+    /// calibration.json of `groundcal calibrate --out`, or the folder it is in
+    pub(crate) calibration: PathBuf,
+
+    /// The images of the calibration: folders, files, glob patterns [default: looked for beside calibration.json and in the current
+    /// folder]
+    #[arg(value_name = "IMAGES")]
+    pub(crate) inputs: Vec<String>,
+
+    /// Folder for the pictures (made if need be)
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+
+    /// One picture of all views of a set (common points connect them) instead of one for each
+    #[arg(long)]
+    pub(crate) mosaic: bool,
+
+    /// Pixels for a camera height, or for a metre where lengths are in metres [default: that of the images' middling pixel, as 1, 2 or
+    /// 5 times a power of ten]
+    #[arg(long, value_name = "PX", value_parser = parse_positive, allow_negative_numbers = true)]
+    pub(crate) resolution: Option<f64>,
+
+    /// How far from the point below the camera the floor is shown, in camera heights, or in metres where lengths are [default: 5 camera
+    /// heights]
+    #[arg(long, value_name = "DISTANCE", value_parser = parse_positive, allow_negative_numbers = true)]
+    pub(crate) extent: Option<f64>,
+
+    /// Height of the camera over the floor in metres at the first view of each set [default: that of the calibration, else lengths are
+    /// in camera heights]
+    #[arg(long, value_name = "METRES", value_parser = parse_height, allow_negative_numbers = true)]
+    pub(crate) camera_height: Option<f64>,
+
+    /// Which way is up in the picture
+    #[arg(long, value_enum)]
+    pub(crate) up: Option<Up>,
+
+    /// Kind of picture
+    #[arg(long, value_enum, default_value_t = PictureFormatArg::Png)]
+    pub(crate) format: PictureFormatArg,
+
+    #[command(flatten)]
+    pub(crate) threads: ThreadsArg,
+}
+
+/// Which way is up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Up {
+    /// The way the camera looks (of a mosaic: that of its first view); default for single views
+    Heading,
+    /// +Y of the world, +X to the right; default for mosaics
+    Y,
+}
+
+impl From<Up> for layout::Up {
+    fn from(value: Up) -> Self {
+        match value {
+            Up::Heading => layout::Up::Heading,
+            Up::Y => layout::Up::Y,
+        }
+    }
+}
+
+fn parse_positive(text: &str) -> Result<f64, String> {
+    let value = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && (1e-6..=1e9).contains(v));
+    value.ok_or_else(|| "expected a positive number".into())
+}
+
+/// A view with its image file.
+struct Found {
+    placed: Placed,
+    file: PathBuf,
+}
+
+/// What is written.
+struct Work<'a> {
+    calibration: &'a Calibration,
+    args: &'a RectifyArgs,
+    layout: FloorLayout,
+    /// Lengths in metres.
+    camera_height_m: Option<f64>,
+}
+
+/// Runs the command; what was left out is told on standard error.
+pub(crate) fn run(args: &RectifyArgs) -> Result<(), CliError> {
+    output::refuse_file(&args.out)?;
+    let (text, notes) = output::on_threads(args.threads, || pictures_of(args))?;
+    for note in notes {
+        output::note(&note);
+    }
+    output::print(&text)
+}
+
+/// Writes the pictures; what is printed, with notes for standard error.
+fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
+    let calibration = groundcal_json::read(&args.calibration)?;
+    let camera_height_m = args.camera_height.or(calibration.camera_height_m);
+    let scale = args.camera_height.map_or(1.0, |h| h / calibration.camera_height_m.unwrap_or(1.0));
+    let placed = placed(&calibration, scale)?;
+    if args.mosaic && placed.iter().all(|p| p.origin.is_none()) {
+        return Err(CliError::Input(format!(
+            "{}: the views have attitudes but no positions ({}), so there is no common floor to lay them on. Calibrate without \
+             --method linear, or leave --mosaic out to rectify each view by itself",
+            args.calibration.display(),
+            match calibration.method {
+                Method::Linear => "--method linear",
+                Method::Rotating => "--method rotating",
+                Method::Joint => "the joint refinement failed",
+            }
+        )));
+    }
+    let (found, mut notes) = found(args, placed)?;
+    let default_up = if args.mosaic { Up::Y } else { Up::Heading };
+    let work = Work {
+        calibration: &calibration,
+        args,
+        layout: FloorLayout {
+            size: calibration.camera.size(),
+            max_distance: args.extent.unwrap_or(DEFAULT_EXTENT_HEIGHTS * camera_height_m.unwrap_or(1.0)),
+            up: args.up.unwrap_or(default_up).into(),
+        },
+        camera_height_m,
+    };
+    let sets = work.sets(&found);
+    let px_per_unit = work.resolution(&sets, &mut notes)?;
+    // Images that cannot be used are refused before anything is written.
+    let files: Vec<PathBuf> = found.iter().map(|f| f.file.clone()).collect();
+    let (reader, said) = PictureReader::new(&files, work.layout.size)?;
+    notes.extend(said.iter().map(ToString::to_string));
+    output::make_folder(&args.out)?;
+    let mut text = format!(
+        "{px_per_unit} px per {}, floor shown to {} from below each camera\n",
+        work.unit(),
+        work.length(work.layout.max_distance)
+    );
+    if args.mosaic {
+        work.mosaics(&sets, px_per_unit, &reader, &mut text)?;
+    } else {
+        work.single_views(&found, px_per_unit, &reader, &mut text, &mut notes)?;
+    }
+    Ok((text, notes))
+}
+
+/// The views whose files are there, and notes on the others.
+fn found(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<String>), CliError> {
+    let images: Vec<&str> = placed.iter().map(|p| p.image.as_str()).collect();
+    let beside = args.inputs.is_empty();
+    let matched: ViewFiles = if beside {
+        let folder =
+            if args.calibration.is_dir() { Some(args.calibration.as_path()) } else { args.calibration.parent() };
+        look_beside(&images, folder)
+    } else {
+        match_files(&images, &find_images(&args.inputs)?)?
+    };
+    let missing = listed(&matched.missing(&images));
+    let others = listed(&matched.others);
+    let mut notes = Vec::new();
+    if !others.is_empty() {
+        notes.push(format!("left out, as the calibration has no position for them: {others}"));
+    }
+    if !missing.is_empty() {
+        notes.push(format!("of the calibration's images not found: {missing}"));
+    }
+    let found: Vec<Found> = placed
+        .into_iter()
+        .zip(matched.files)
+        .filter_map(|(placed, file)| Some(Found { placed, file: file? }))
+        .collect();
+    if !found.is_empty() {
+        return Ok((found, notes));
+    }
+    Err(CliError::Input(if beside {
+        format!(
+            "no image of the calibration ({missing}) is beside it or in the current folder. Name their folder: groundcal rectify {} \
+             FOLDER --out {}",
+            args.calibration.display(),
+            args.out.display()
+        )
+    } else {
+        format!(
+            "no image given ({others}) is a view of the calibration, which has {missing}. Give the images that were calibrated, under \
+             the names they had"
+        )
+    }))
+}
+
+/// The first few of a list.
+fn listed(names: &[impl AsRef<str>]) -> String {
+    const SHOWN: usize = 5;
+    let shown = names.iter().take(SHOWN).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
+}
+
+fn views<'a>(set: &[&'a Found]) -> Vec<&'a FloorView> {
+    set.iter().map(|f| &f.placed.view).collect()
+}
+
+impl Work<'_> {
+    fn unit(&self) -> &'static str {
+        floor_picture::unit(self.camera_height_m)
+    }
+
+    fn length(&self, value: f64) -> String {
+        match self.camera_height_m {
+            Some(_) => format!("{value} m"),
+            None => format!("{value} camera heights"),
+        }
+    }
+
+    /// The views that make one picture each.
+    fn sets<'a>(&self, found: &'a [Found]) -> Vec<Vec<&'a Found>> {
+        if !self.args.mosaic {
+            return found.iter().map(|f| vec![f]).collect();
+        }
+        let worlds: Vec<Option<&str>> = found.iter().map(|f| f.placed.origin.as_deref()).collect();
+        sets_of_one_world(&worlds).into_iter().map(|set| set.into_iter().map(|i| &found[i]).collect()).collect()
+    }
+
+    /// Pixels for a unit of length.
+    fn resolution(&self, sets: &[Vec<&Found>], notes: &mut Vec<String>) -> Result<f64, CliError> {
+        let sets: Vec<Vec<&FloorView>> = sets.iter().map(|s| views(s)).collect();
+        let asked = self.args.resolution;
+        let chosen = self.layout.resolution(&sets, asked).map_err(|error| match error {
+            ResolutionError::NoFloor => CliError::Input(format!(
+                "no view sees floor within {} of the point below it. Take a larger --extent; if there is no floor in the images, \
+                 there is nothing to rectify",
+                self.length(self.layout.max_distance)
+            )),
+            ResolutionError::TooLarge { pixels, fits_px_per_unit } => CliError::Usage(format!(
+                "--resolution {}: a picture would have {:.0} megapixels, {} at most. Take {fits_px_per_unit} px per {} or less, or a \
+                 smaller --extent than {}",
+                asked.unwrap_or(f64::NAN),
+                pixels as f64 / 1e6,
+                MAX_PIXELS / 1_000_000,
+                self.unit(),
+                self.length(self.layout.max_distance)
+            )),
+        })?;
+        if let Some(wanted) = chosen.lowered_from {
+            notes.push(format!(
+                "resolution lowered from {wanted} to {} px per {}, for pictures of at most {} megapixels",
+                chosen.px_per_unit,
+                self.unit(),
+                MAX_PIXELS / 1_000_000
+            ));
+        }
+        Ok(chosen.px_per_unit)
+    }
+
+    fn single_views(
+        &self,
+        found: &[Found],
+        px_per_unit: f64,
+        reader: &PictureReader,
+        text: &mut String,
+        notes: &mut Vec<String>,
+    ) -> Result<(), CliError> {
+        let names = stems(&found.iter().map(|f| f.file.clone()).collect::<Vec<_>>());
+        for (f, name) in found.iter().zip(&names) {
+            let Some(grid) = self.layout.grid(&[&f.placed.view], px_per_unit) else {
+                let within = self.length(self.layout.max_distance);
+                notes.push(format!("{}: no floor in it within {within}: left out", f.placed.image));
+                continue;
+            };
+            let picture = Pyramid::new(reader.read(&f.file)?);
+            let out = rectify(&picture, &f.placed.view, &grid, self.layout.max_distance);
+            self.write(&format!("{name}_floor"), grid, &[f], &out, text)?;
+        }
+        Ok(())
+    }
+
+    fn mosaics(
+        &self,
+        sets: &[Vec<&Found>],
+        px_per_unit: f64,
+        reader: &PictureReader,
+        text: &mut String,
+    ) -> Result<(), CliError> {
+        let channels = if reader.has_colour() { 3 } else { 1 };
+        for (i, set) in sets.iter().enumerate() {
+            let Some(grid) = self.layout.grid(&views(set), px_per_unit) else { continue };
+            let mut mosaic = Mosaic::new(grid, channels, self.layout.max_distance);
+            for f in set {
+                let mut picture = reader.read(&f.file)?;
+                if reader.has_colour() {
+                    picture = pictures::to_colour(picture);
+                }
+                mosaic.add(&Pyramid::new(picture), &f.placed.view);
+            }
+            let name = if sets.len() == 1 { "mosaic".to_string() } else { format!("mosaic_{}", i + 1) };
+            self.write(&name, grid, set, &mosaic.finish(), text)?;
+        }
+        Ok(())
+    }
+
+    /// The picture last: when it is there, the files beside it are.
+    fn write(
+        &self,
+        name: &str,
+        grid: FloorGrid,
+        set: &[&Found],
+        resampled: &Resampled,
+        text: &mut String,
+    ) -> Result<(), CliError> {
+        let format = PictureFormat::from(self.args.format);
+        let file = format!("{name}.{}", format.extension());
+        let path = self.args.out.join(&file);
+        let bytes = pictures::encode(resampled, format, &path)?;
+        let camera = &self.calibration.camera;
+        let picture = FloorPicture {
+            file,
+            grid,
+            views: set.iter().map(|f| (f.placed.image.as_str(), &f.placed.view)).collect(),
+            origin: set.first().and_then(|f| f.placed.origin.as_deref()),
+            max_distance: self.layout.max_distance,
+            camera_height_m: self.camera_height_m,
+            camera: camera.model(),
+        };
+        let beside = |extension: &str| self.args.out.join(format!("{name}.{extension}"));
+        write_whole(&beside("json"), picture.json()?.as_bytes())?;
+        write_whole(&beside(format.world_extension()), picture.world_file().as_bytes())?;
+        write_whole(&path, &bytes)?;
+        let size = picture.grid.size;
+        let sides = [size.width, size.height].map(|n| n as f64 * picture.grid.unit_per_px);
+        let of = if self.args.mosaic { format!(", {} views", set.len()) } else { String::new() };
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{}: {} x {} px, {:.3} x {:.3} {}s{of}",
+            path.display(),
+            size.width,
+            size.height,
+            sides[0],
+            sides[1],
+            self.unit()
+        );
+        Ok(())
+    }
+}

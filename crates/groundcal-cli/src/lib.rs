@@ -1,0 +1,160 @@
+//! The groundcal program as a library: arguments, progress, files and exit codes; the work is done by the other crates.
+//!
+//! [`run`] is the whole program, for whoever wants to be it under another name or from another language.
+
+#![forbid(unsafe_code)]
+
+mod args;
+mod commands;
+mod error;
+mod output;
+mod progress;
+mod remedies;
+
+use std::{
+    ffi::OsString,
+    io::{IsTerminal, Write},
+};
+
+use clap::{CommandFactory, Parser, Subcommand};
+
+use commands::{calibrate, compare, completions, convert, experiment, man, plan, rectify, render, simulate, undistort};
+use error::CliError;
+
+/// Runs the program with a command line whose first word is the program's name; gives its exit code.
+///
+/// Results go to standard output and to the files asked for, progress and messages to standard error. It may be called more than once
+/// in a process.
+///
+/// ```
+/// assert_eq!(groundcal_cli::run(["groundcal", "calibrate"].map(Into::into)), 2);
+/// ```
+pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are answers, on standard output.
+            let _ = error.print();
+            return u8::try_from(error.exit_code()).unwrap_or(error::OTHER);
+        }
+    };
+    match dispatch(cli.command) {
+        Ok(()) => error::SUCCESS,
+        Err(error) => {
+            let mark = if std::io::stderr().is_terminal() { "\u{1b}[31merror\u{1b}[0m" } else { "error" };
+            let _ = writeln!(std::io::stderr(), "{mark}: {error}");
+            error.exit_code()
+        }
+    }
+}
+
+fn dispatch(command: Command) -> Result<(), CliError> {
+    match command {
+        Command::Calibrate(args) => calibrate::run(&args),
+        Command::Render(args) => render::run(&args),
+        Command::Plan(args) => plan::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
+        Command::Experiment(args) => experiment::run(&args),
+        Command::Rectify(args) => rectify::run(&args),
+        Command::Undistort(args) => undistort::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Completions(args) => completions::run(&args, Cli::command()),
+        Command::Man(args) => man::run(&args, Cli::command()),
+    }
+}
+
+/// Calibrate a camera from the floor it looks at, with no calibration target.
+#[derive(Debug, Parser)]
+#[command(
+    name = "groundcal",
+    version,
+    about,
+    propagate_version = true,
+    after_help = "Example:
+  groundcal calibrate photos/ --out result/
+
+Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot determine what was asked, 4 unreadable or \
+unusable input, 1 anything else."
+)]
+struct Cli {
+    /// What to do.
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Camera matrix with error bars from photographs (or matches) of a floor
+    Calibrate(Box<calibrate::CalibrateArgs>),
+    /// Images with truth from a scene file
+    Render(render::RenderArgs),
+    /// Which pictures to take, and the error bars to expect; after a calibration, the next motions that improve it most
+    Plan(Box<plan::PlanArgs>),
+    /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
+    Simulate(simulate::SimulateArgs),
+    /// The four experiments of the paper on rendered scenes: tables of errors against exact truth
+    Experiment(experiment::ExperimentArgs),
+    /// Metric bird's-eye pictures of the floor: of each view, or a mosaic of all
+    Rectify(rectify::RectifyArgs),
+    /// Images without their lens distortion, and the maps for OpenCV
+    Undistort(undistort::UndistortArgs),
+    /// How far calibrations differ: parameters with significance, reprojection in pixels
+    Compare(compare::CompareArgs),
+    /// A camera file in the formats of other programs
+    Convert(convert::ConvertArgs),
+    /// Shell completions, on standard output
+    Completions(completions::CompletionsArgs),
+    /// Manual pages
+    Man(man::ManArgs),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_help_text_has_an_example() {
+        let mut whole = Cli::command();
+        whole.build();
+        let mut commands: Vec<clap::Command> =
+            whole.get_subcommands().filter(|c| c.get_name() != "help").cloned().collect();
+        commands.push(whole);
+        assert!(commands.len() > 5);
+        for mut command in commands {
+            let text = command.render_long_help().to_string();
+            assert!(text.contains("\nExample:\n  groundcal ") || text.contains("\nExamples:\n  groundcal "), "{text}");
+        }
+    }
+
+    #[test]
+    fn every_command_has_a_page_with_an_example() {
+        let pages = man::pages(Cli::command()).unwrap();
+        let commands = Cli::command().get_subcommands().count();
+        assert_eq!(pages.len(), commands + 1);
+        for (name, page) in pages {
+            let text = String::from_utf8(page).unwrap();
+            assert!(text.contains(&format!("\n.TH {name} 1")), "{name}: {text}");
+            assert!(text.contains(".TH ") && text.contains(".SH SYNOPSIS"), "{name}");
+            assert!(!text.contains("groundcal\\-help"), "{name}");
+            let example = text.split_once("\n.SH EXAMPLE").unwrap_or_else(|| panic!("{name} has no example")).1;
+            assert!(example.contains("groundcal "), "{name}: {example}");
+        }
+    }
+
+    #[test]
+    fn completions_know_the_commands() {
+        for shell in <clap_complete::Shell as clap::ValueEnum>::value_variants() {
+            let script = completions::script(*shell, Cli::command());
+            for word in ["calibrate", "compare", "attitude-sigma-deg"] {
+                assert!(script.contains(word), "{shell}: {word}");
+            }
+        }
+    }
+}

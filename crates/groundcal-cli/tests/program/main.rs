@@ -1,0 +1,18 @@
+//! The program from end to end. One test binary: every further one would link the whole program again.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test may end in a panic
+
+mod causes;
+mod cli;
+mod common;
+mod experiments;
+mod fisheye;
+mod formats;
+mod plan;
+mod readers;
+mod rectify;
+mod report;
+mod result;
+mod shared_data;
+mod simulate;
+mod structure;

@@ -1,0 +1,177 @@
+//! `groundcal simulate` from end to end.
+
+use std::{collections::BTreeMap, path::Path};
+
+use crate::common::*;
+use tempfile::tempdir;
+
+const STUDIES: [(&str, usize); 5] = [("noise", 20), ("offset", 24), ("motions", 18), ("angle", 40), ("axis", 20)];
+const FURTHER: [&str; 3] = ["radial", "transfer", "subsets"];
+
+/// The lines of a table as column name -> text.
+fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
+    csv::Reader::from_path(path).unwrap().deserialize().map(|line| line.unwrap()).collect()
+}
+
+fn simulate(study: &str, out: &Path, more: &[&str]) -> Outcome {
+    let out = text(out);
+    let mut args = vec!["simulate", study, "--out", &out];
+    args.extend(more);
+    let outcome = groundcal(&args);
+    assert_eq!(outcome.code, 0, "{}", outcome.stderr);
+    outcome
+}
+
+#[test]
+fn every_study_gives_a_table_and_two_figures() {
+    let folder = tempdir().unwrap();
+    // Another seed than that of the reference: independent of it.
+    let outcome = simulate("all", folder.path(), &["--trials", "20", "--seed", "1"]);
+    let all = STUDIES.iter().map(|s| s.0).chain(FURTHER);
+    let names: Vec<String> = all.flat_map(|s| ["csv", "png", "svg"].map(|e| format!("{s}.{e}"))).collect();
+    assert_eq!(files_in(folder.path()), names.into_iter().collect());
+    for (study, conditions) in STUDIES {
+        assert!(outcome.stdout.contains(&format!("{study}: median |error| of fx in % over 20 trials")));
+        let lines = table(&folder.path().join(format!("{study}.csv")));
+        // Eight methods and the bound.
+        assert_eq!(lines.len(), 9 * conditions, "{study}");
+        for line in &lines {
+            assert_eq!(line["study"], study);
+            for column in ["value", "matches", "noise_px", "offset_m", "motions", "turn_deg", "axis_error_deg"] {
+                assert!(line[column].parse::<f64>().unwrap() >= 0.0, "{column}: {line:?}");
+            }
+            let (trials, failures) = (&line["trials"], line["failures"].parse::<usize>().unwrap());
+            assert!(trials == "20" && failures <= 20);
+            let quartiles = ["lower_quartile_percent", "median_percent", "upper_quartile_percent"];
+            let quartiles = quartiles.map(|c| line[c].parse::<f64>().unwrap());
+            assert!(quartiles[0] <= quartiles[1] && quartiles[1] <= quartiles[2], "{line:?}");
+            assert_eq!(quartiles[1].is_infinite(), failures >= 10, "{line:?}");
+            assert_eq!(line["rmse_percent"].is_empty(), failures == 20, "{line:?}");
+            let stated = ["groundcal", "rotating"].contains(&line["method"].as_str()) && failures < 20;
+            for column in ["coverage_fx", "coverage_fy", "coverage_cx", "coverage_cy"] {
+                let coverage = line[column].parse::<f64>();
+                assert!(if stated { (0.0..=1.0).contains(&coverage.unwrap()) } else { line[column].is_empty() });
+            }
+        }
+        let picture = image::open(folder.path().join(format!("{study}.png"))).unwrap();
+        assert_eq!(picture.width(), 1600);
+        let svg = std::fs::read_to_string(folder.path().join(format!("{study}.svg"))).unwrap();
+        assert!(svg.starts_with("<svg") && svg.ends_with("</svg>\n") && svg.contains("error of fx, %"));
+    }
+    for study in STUDIES.iter().map(|s| s.0).chain(FURTHER) {
+        agrees_with_reference(study, &folder.path().join(format!("{study}.csv")));
+    }
+}
+
+/// Standard deviation of a sample median over that of the mean, for normal values; interquartile range of a unit normal.
+const MEDIAN_OVER_MEAN: f64 = 1.2533;
+const NORMAL_QUARTILES_APART: f64 = 1.3490;
+/// Deviations that none of some 1300 comparisons should reach.
+const NEVER: f64 = 5.0;
+
+/// Compares medians and failures with those of 200 trials of another seed, stored in `tests/reference` (made by `groundcal simulate all
+/// --out crates/groundcal-cli/tests/reference`, figures deleted). Tolerances follow from the number of trials: a median's from its
+/// quartiles, a count's from the binomial distribution.
+fn agrees_with_reference(study: &str, path: &Path) {
+    const RESULTS: [&str; 18] = [
+        "trials",
+        "failures",
+        "fewest_matches",
+        "median_percent",
+        "lower_quartile_percent",
+        "upper_quartile_percent",
+        "rmse_percent",
+        "rmse_fx_px",
+        "rmse_over_bound",
+        "rmse_over_bound_free_height",
+        "coverage_fx",
+        "coverage_fy",
+        "coverage_cx",
+        "coverage_cy",
+        "median_signed_percent",
+        "mean_signed_percent",
+        "deviation_percent",
+        "predicted_percent",
+    ];
+    let key = |line: &BTreeMap<String, String>| -> BTreeMap<String, String> {
+        line.clone().into_iter().filter(|(name, _)| !RESULTS.contains(&name.as_str())).collect()
+    };
+    let stored = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/reference/{study}.csv"));
+    let (reference, found) = (table(&stored), table(path));
+    assert_eq!(reference.len(), found.len(), "{study}: conditions differ from the reference");
+    let (mut squares, mut compared) = (0.0, 0.0);
+    for (old, new) in reference.iter().zip(&found) {
+        assert_eq!(key(old), key(new), "{study}");
+        let value = |line: &BTreeMap<String, String>, column: &str| -> f64 {
+            line[column].parse().unwrap_or_else(|_| panic!("{study} {column}: {line:?}"))
+        };
+        let share = |line| value(line, "failures") / value(line, "trials");
+        let pooled = (value(old, "failures") + value(new, "failures")) / (value(old, "trials") + value(new, "trials"));
+        let sigma = (pooled * (1.0 - pooled) * (1.0 / value(old, "trials") + 1.0 / value(new, "trials"))).sqrt();
+        assert!((share(old) - share(new)).abs() <= NEVER * sigma + 1e-9, "{study}: failures {old:?} {new:?}");
+        let [m_old, m_new] = [old, new].map(|l| value(l, "median_percent"));
+        if m_old < 1e-7 || !m_old.is_finite() || !m_new.is_finite() {
+            // Exact, or no median: the failures have been compared.
+            assert!(m_old > 1e-7 || m_new < 1e-7, "{study}: {old:?} {new:?}");
+            continue;
+        }
+        let deviation = |line| {
+            let apart = value(line, "upper_quartile_percent") - value(line, "lower_quartile_percent");
+            MEDIAN_OVER_MEAN * apart / NORMAL_QUARTILES_APART / value(line, "trials").sqrt()
+        };
+        // Both from the reference, whose quartiles are better known.
+        let ratio = (value(old, "trials") / value(new, "trials")).sqrt();
+        let sigma = deviation(old).hypot(deviation(old) * ratio);
+        let z = (m_new - m_old) / sigma;
+        assert!(z.abs() < NEVER || !sigma.is_finite(), "{study}: {z:.1} deviations: {old:?} {new:?}");
+        if sigma.is_finite() {
+            squares += z * z;
+            compared += 1.0;
+        }
+    }
+    // Conditions share draws, so this is no sum of independent squares: it need only be of their order.
+    let rms = (squares / f64::max(compared, 1.0)).sqrt();
+    println!("{study}: {compared} medians within {rms:.2} deviations (root mean square) of the reference");
+    assert!(rms < 2.5, "{study}: {rms:.2}");
+}
+
+#[test]
+fn without_noise_planar_methods_are_exact() {
+    let folder = tempdir().unwrap();
+    simulate("noise", folder.path(), &["--trials", "3"]);
+    let lines = table(&folder.path().join("noise.csv"));
+    for line in lines.iter().filter(|l| l["noise_px"] == "0") {
+        let rmse: f64 = line["rmse_percent"].parse().unwrap();
+        assert!(if line["method"] == "rotating" { rmse > 1.0 } else { rmse < 1e-8 }, "{line:?}");
+    }
+}
+
+#[test]
+fn the_seed_decides_and_the_threads_do_not() {
+    let folder = tempdir().unwrap();
+    let files = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        simulate("motions", &out, &[&["--trials", "4"], more].concat());
+        ["csv", "svg", "png"].map(|e| std::fs::read(out.join(format!("motions.{e}"))).unwrap())
+    };
+    let first = files("first", &["--threads", "1"]);
+    assert!(first == files("second", &["--threads", "3"]));
+    assert!(first != files("third", &["--seed", "1"]));
+}
+
+#[test]
+fn wrong_usage_is_refused() {
+    let folder = tempdir().unwrap();
+    let out = text(folder.path());
+    for args in [
+        &["simulate", "nonsense", "--out", &out][..],
+        &["simulate", "noise"],
+        &["simulate", "noise", "--trials", "0", "--out", &out],
+        &["simulate", "noise", "--out", &at("README.md")],
+    ] {
+        let outcome = groundcal(args);
+        assert_eq!(outcome.code, 2, "{args:?}: {}", outcome.stderr);
+        assert_eq!(outcome.stdout, "");
+    }
+    assert!(files_in(folder.path()).is_empty());
+}

@@ -1,0 +1,222 @@
+//! The Huffman codes of one sequential scan (ITU-T T.81, annex F), counted and not turned into pixels.
+
+/// Bits that the first look at a code takes.
+const FAST_BITS: u32 = 9;
+
+/// A component of the picture: its name and how many blocks it has of each unit, across and down.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Component {
+    pub(crate) id: u8,
+    pub(crate) h: usize,
+    pub(crate) v: usize,
+}
+
+/// Codes of a table.
+pub(crate) struct HuffmanTable {
+    /// Length and symbol of what begins with these bits; length 0: longer than the first look.
+    fast: Vec<(u8, u8)>,
+    /// By length: first code, code after the last one, place of its symbol.
+    ranges: [(u32, u32, usize); 17],
+    symbols: Vec<u8>,
+}
+
+impl HuffmanTable {
+    /// From the number of codes of each length; nothing where they are no code.
+    pub(crate) fn new(counts: &[u8; 16], symbols: &[u8]) -> Option<Self> {
+        let mut fast = vec![(0, 0); 1 << FAST_BITS];
+        let mut ranges = [(0, 0, 0); 17];
+        let (mut code, mut place) = (0u32, 0usize);
+        for (length, count) in (1u32..).zip(counts.iter().map(|c| u32::from(*c))) {
+            if code + count > 1 << length {
+                return None;
+            }
+            ranges[length as usize] = (code, code + count, place);
+            if length <= FAST_BITS {
+                let spread = FAST_BITS - length;
+                for i in 0..count {
+                    let symbol = *symbols.get(place + i as usize)?;
+                    let first = ((code + i) << spread) as usize;
+                    fast[first..first + (1 << spread)].fill((length as u8, symbol));
+                }
+            }
+            place += count as usize;
+            code = (code + count) << 1;
+        }
+        (place <= symbols.len()).then(|| Self { fast, ranges, symbols: symbols.to_vec() })
+    }
+
+    /// Length and symbol of the code that 16 bits begin with.
+    fn find(&self, bits: u32) -> Option<(u32, u8)> {
+        let (length, symbol) = self.fast[(bits >> (16 - FAST_BITS)) as usize];
+        if length > 0 {
+            return Some((u32::from(length), symbol));
+        }
+        (FAST_BITS + 1..=16).find_map(|length| {
+            let code = bits >> (16 - length);
+            let (first, end, place) = self.ranges[length as usize];
+            (first..end).contains(&code).then(|| (length, self.symbols[place + (code - first) as usize]))
+        })
+    }
+}
+
+/// A scan: which components, under which tables.
+pub(crate) struct Scan<'a> {
+    pub(crate) size: [usize; 2],
+    /// Greatest `h` and `v` of the picture.
+    pub(crate) largest: [usize; 2],
+    pub(crate) restart_interval: usize,
+    /// Each with its tables of the first and of the other coefficients.
+    pub(crate) components: Vec<(Component, &'a HuffmanTable, &'a HuffmanTable)>,
+}
+
+/// How the data of a scan end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum ScanEnd {
+    /// With the last block.
+    Whole,
+    /// After this part of the blocks.
+    Early(f64),
+    /// They stop making sense at this part of the blocks.
+    Damaged(f64),
+}
+
+/// Bits of entropy-coded data: without stuffed zeros, up to the next marker.
+struct Bits<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    held: u64,
+    count: u32,
+    /// Bits beyond the end that were asked for; zeros stand in.
+    missing: u32,
+}
+
+impl<'a> Bits<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0, held: 0, count: 0, missing: 0 }
+    }
+
+    /// At least 32 bits.
+    fn fill(&mut self) {
+        while self.count <= 32 {
+            let byte = match (self.bytes.get(self.at), self.bytes.get(self.at + 1)) {
+                (Some(0xff), Some(0x00)) => {
+                    self.at += 2;
+                    0xff
+                }
+                (Some(0xff), _) | (None, _) => {
+                    self.missing += 8;
+                    0
+                }
+                (Some(byte), _) => {
+                    self.at += 1;
+                    *byte
+                }
+            };
+            self.held = (self.held << 8) | u64::from(byte);
+            self.count += 8;
+        }
+    }
+
+    fn peek16(&self) -> u32 {
+        ((self.held >> (self.count - 16)) & 0xffff) as u32
+    }
+
+    fn skip(&mut self, count: u32) {
+        self.count -= count;
+    }
+
+    /// Whether more was taken than is there.
+    fn is_over(&self) -> bool {
+        self.missing > self.count
+    }
+
+    /// Bits that are there and not taken.
+    fn left(&self) -> u32 {
+        self.count.saturating_sub(self.missing)
+    }
+
+    /// The marker at which the bits end, then the bits behind it.
+    fn next_interval(&mut self) -> Option<u8> {
+        while self.bytes.get(self.at + 1) == Some(&0xff) {
+            self.at += 1;
+        }
+        let marker = *self.bytes.get(self.at + 1)?;
+        self.at += 2;
+        (self.held, self.count, self.missing) = (0, 0, 0);
+        Some(marker)
+    }
+}
+
+impl Scan<'_> {
+    /// Units of the scan, and blocks of each component in a unit.
+    fn units(&self) -> (usize, Vec<usize>) {
+        let [width, height] = self.size;
+        let [h_max, v_max] = self.largest;
+        if let [(c, ..)] = self.components[..] {
+            let side = |length: usize, own: usize, most: usize| (length * own).div_ceil(most).div_ceil(8);
+            return (side(width, c.h, h_max) * side(height, c.v, v_max), vec![1]);
+        }
+        let blocks = self.components.iter().map(|(c, ..)| c.h * c.v).collect();
+        (width.div_ceil(8 * h_max) * height.div_ceil(8 * v_max), blocks)
+    }
+
+    /// Reads the data.
+    pub(crate) fn read(&self, bytes: &[u8]) -> ScanEnd {
+        let (units, blocks) = self.units();
+        let mut bits = Bits::new(bytes);
+        let mut restarts = 0u8;
+        for unit in 0..units {
+            let part = unit as f64 / units as f64;
+            if self.restart_interval > 0 && unit > 0 && unit % self.restart_interval == 0 {
+                if bits.left() >= 8 {
+                    return ScanEnd::Damaged(part);
+                }
+                match bits.next_interval() {
+                    Some(marker) if marker == 0xd0 + restarts => restarts = (restarts + 1) % 8,
+                    Some(0xd0..=0xd7) => return ScanEnd::Damaged(part),
+                    _ => return ScanEnd::Early(part),
+                }
+            }
+            for ((_, first, others), count) in self.components.iter().zip(&blocks) {
+                for _ in 0..*count {
+                    let sound = block(&mut bits, first, others);
+                    if bits.is_over() {
+                        return ScanEnd::Early(part);
+                    }
+                    if !sound {
+                        return ScanEnd::Damaged(part);
+                    }
+                }
+            }
+        }
+        bits.fill();
+        // Padding is less than a byte; some encoders add a few zero bytes.
+        if bits.left() >= 32 { ScanEnd::Damaged(1.0) } else { ScanEnd::Whole }
+    }
+}
+
+/// Reads one block; whether its codes make sense.
+fn block(bits: &mut Bits, first: &HuffmanTable, others: &HuffmanTable) -> bool {
+    bits.fill();
+    let Some((length, size)) = first.find(bits.peek16()) else { return false };
+    if size > 16 {
+        return false;
+    }
+    bits.skip(length + u32::from(size));
+    let mut k = 1;
+    while k < 64 {
+        bits.fill();
+        let Some((length, symbol)) = others.find(bits.peek16()) else { return false };
+        let (run, size) = (usize::from(symbol >> 4), u32::from(symbol & 15));
+        bits.skip(length + size);
+        k += match (run, size) {
+            (15, 0) => 16,
+            (_, 0) => return true,
+            _ => run + 1,
+        };
+        if k > 64 {
+            return false;
+        }
+    }
+    true
+}

@@ -1,0 +1,296 @@
+use std::{
+    io::Cursor,
+    path::{Path, PathBuf},
+};
+
+use groundcal::geometry::size::ImageSize;
+use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
+use tiff::encoder::{TiffEncoder, TiffKindBig, colortype};
+
+use crate::{
+    images::{Samples, decode::ImageFiles, read::read_with, read_images, read_stored},
+    note::Note,
+    pictures::PictureReader,
+};
+
+const W: u32 = 96;
+const H: u32 = 64;
+
+/// A texture of 8 bits.
+fn texture() -> Vec<u8> {
+    let value = |x: u32, y: u32| (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503).wrapping_mul(x + 7)) >> 13;
+    (0..H).flat_map(|y| (0..W).map(move |x| (value(x / 3, y / 3) % 251) as u8)).collect()
+}
+
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn file(&self, name: &str, bytes: &[u8]) -> PathBuf {
+        let path = self.0.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    }
+}
+
+fn tiff_of<C: colortype::ColorType>(data: &[C::Inner], big: bool) -> Vec<u8>
+where
+    [C::Inner]: tiff::encoder::TiffValue,
+{
+    let mut bytes = Cursor::new(Vec::new());
+    if big {
+        TiffEncoder::<_, TiffKindBig>::new_generic(&mut bytes).unwrap().write_image::<C>(W, H, data).unwrap();
+    } else {
+        TiffEncoder::new(&mut bytes).unwrap().write_image::<C>(W, H, data).unwrap();
+    }
+    bytes.into_inner()
+}
+
+/// The greatest difference of an image from the texture.
+fn difference(bytes: &[u8]) -> f32 {
+    let folder = Folder::new();
+    let read = read_images(&[folder.file("a", bytes)]).unwrap();
+    let pairs = read.images[0].data().iter().zip(texture());
+    pairs.map(|(g, t)| (g - f32::from(t) / 255.0).abs()).fold(0.0, f32::max)
+}
+
+#[test]
+fn one_channel_of_any_number() {
+    let t = texture();
+    let floats = |scale: f32| t.iter().map(|v| f32::from(*v) * scale).collect::<Vec<f32>>();
+    assert!(difference(&tiff_of::<colortype::Gray8>(&t, false)) < 1e-6);
+    assert!(difference(&tiff_of::<colortype::Gray8>(&t, true)) < 1e-6);
+    assert!(
+        difference(&tiff_of::<colortype::Gray16>(&t.iter().map(|v| u16::from(*v) * 257).collect::<Vec<_>>(), false))
+            < 1e-6
+    );
+    // 8 bits in 16, and 10 in 16: what the texture is, up to the least step of white.
+    assert!(
+        difference(&tiff_of::<colortype::Gray16>(&t.iter().map(|v| u16::from(*v)).collect::<Vec<_>>(), false)) < 1e-6
+    );
+    assert!(
+        difference(&tiff_of::<colortype::Gray16>(&t.iter().map(|v| u16::from(*v) * 4).collect::<Vec<_>>(), false))
+            < 0.004
+    );
+    assert!(
+        difference(&tiff_of::<colortype::Gray32>(&t.iter().map(|v| u32::from(*v)).collect::<Vec<_>>(), false)) < 1e-6
+    );
+    assert!(
+        difference(&tiff_of::<colortype::GrayI16>(&t.iter().map(|v| i16::from(*v)).collect::<Vec<_>>(), false)) < 1e-6
+    );
+    assert!(difference(&tiff_of::<colortype::Gray32Float>(&floats(1.0 / 255.0), false)) < 1e-6);
+    assert!(difference(&tiff_of::<colortype::Gray32Float>(&floats(1.0), false)) < 1e-6);
+    assert!(
+        difference(&tiff_of::<colortype::Gray64Float>(
+            &floats(1.0).iter().map(|v| f64::from(*v)).collect::<Vec<_>>(),
+            true
+        )) < 1e-6
+    );
+    let rgb: Vec<f32> = floats(1.0).iter().flat_map(|v| [*v; 3]).collect();
+    assert!(difference(&tiff_of::<colortype::RGB32Float>(&rgb, false)) < 1e-5);
+}
+
+#[test]
+fn float_colour_is_written_as_it_is() {
+    let folder = Folder::new();
+    let rgb: Vec<f32> = texture().iter().flat_map(|v| [f32::from(*v), 0.0, 255.0]).collect();
+    let path = folder.file("a.tif", &tiff_of::<colortype::RGB32Float>(&rgb, false));
+    let (reader, notes) =
+        PictureReader::new(std::slice::from_ref(&path), ImageSize::new(W as usize, H as usize)).unwrap();
+    assert!(notes[0].to_string().contains("255"), "{notes:?}");
+    let raster = reader.read(&path).unwrap();
+    assert_eq!(raster.data()[..3], [texture()[0], 0, 255]);
+}
+
+/// Thermal counts differ by little, and not from picture to picture: one range serves both.
+#[test]
+fn one_range_serves_all_images() {
+    let folder = Folder::new();
+    let counts = |offset: u16| texture().iter().map(|v| 7000 + offset + u16::from(*v)).collect::<Vec<u16>>();
+    let a = folder.file("a.tif", &tiff_of::<colortype::Gray16>(&counts(0), false));
+    let b = folder.file("b.tif", &tiff_of::<colortype::Gray16>(&counts(50), false));
+    let read = read_images(&[a, b]).unwrap();
+    assert_eq!(read.notes.len(), 1);
+    assert!(read.notes[0].code == Note::VALUE_RANGE && read.notes[0].file.is_none());
+    let steps: Vec<f32> = read.images[0].data().iter().zip(read.images[1].data()).map(|(x, y)| y - x).collect();
+    assert!(steps.iter().all(|s| (s - steps[0]).abs() < 1e-4 && *s > 0.1), "{:?}", &steps[..4]);
+    let (least, most) = read.images[0].data().iter().fold((9.0f32, -9.0f32), |(l, m), v| (l.min(*v), m.max(*v)));
+    assert!(most - least > 0.6, "{least} to {most}");
+}
+
+fn jpeg_of(data: &[u8], quality: u8) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let rgb: Vec<u8> = data.iter().flat_map(|v| [*v, 255 - *v, 128]).collect();
+    JpegEncoder::new_with_quality(&mut bytes, quality).write_image(&rgb, W, H, ExtendedColorType::Rgb8).unwrap();
+    bytes
+}
+
+/// Position behind the header of the first scan.
+fn scan_start(jpeg: &[u8]) -> usize {
+    let at = jpeg.windows(2).position(|w| w == [0xff, 0xda]).unwrap();
+    at + 2 + usize::from(u16::from_be_bytes([jpeg[at + 2], jpeg[at + 3]]))
+}
+
+#[test]
+fn damaged_jpegs_are_named() {
+    let folder = Folder::new();
+    let whole = jpeg_of(&texture(), 90);
+    let notes = |bytes: &[u8]| read_images(&[folder.file("a.jpg", bytes)]).map(|r| r.notes);
+    assert_eq!(notes(&whole).unwrap(), []);
+    let start = scan_start(&whole);
+    let data = whole.len() - 2 - start;
+    for part in [0.1, 0.5, 0.9] {
+        let cut = start + (data as f64 * part) as usize;
+        let mut early = whole[..cut].to_vec();
+        // Half a stuffed byte would eat the marker.
+        early.push(0);
+        early.extend([0xff, 0xd9]);
+        let found = notes(&early).unwrap();
+        assert!(
+            found[0].code == Note::DAMAGED_IMAGE && found[0].to_string().contains("a.jpg: the JPEG ends early"),
+            "{found:?}"
+        );
+        let message = notes(&whole[..cut]).unwrap_err().to_string();
+        assert!(message.contains("truncated"), "{message}");
+    }
+    // Bytes in the middle of the data put others out of step.
+    let mut seen = 0;
+    for at in (0..data - 24).step_by(data / 20) {
+        let mut damaged = whole.clone();
+        damaged[start + at..start + at + 16].iter_mut().enumerate().for_each(|(i, b)| *b = (37 * i as u8) & 0x7f);
+        seen += notes(&damaged).map_or(1, |n| usize::from(!n.is_empty()));
+    }
+    assert!(seen >= 18, "{seen} of 20");
+}
+
+#[test]
+fn frames_of_films_get_their_tables() {
+    let folder = Folder::new();
+    let whole = jpeg_of(&texture(), 90);
+    // The encoder writes the tables of annex K; a frame leaves them out.
+    let mut frame = whole.clone();
+    while let Some(at) = frame.windows(2).position(|w| w == [0xff, 0xc4]) {
+        let length = usize::from(u16::from_be_bytes([frame[at + 2], frame[at + 3]]));
+        frame.drain(at..at + 2 + length);
+    }
+    assert!(frame.len() + 400 < whole.len());
+    let stored = |bytes: &[u8]| read_stored(&folder.file("a.jpg", bytes)).unwrap();
+    assert_eq!(stored(&frame), stored(&whole));
+    // Nor need it end with a marker.
+    assert_eq!(stored(&frame[..frame.len() - 2]), stored(&whole));
+}
+
+/// A strip of JPEG inside a TIFF, as scanners write it.
+fn tiff_with_jpeg(jpeg: &[u8], [w, h]: [u32; 2]) -> Vec<u8> {
+    let mut entries: Vec<(u16, u16, u32, u32)> = vec![
+        (256, 4, 1, w),
+        (257, 4, 1, h),
+        (258, 3, 3, 0),
+        (259, 3, 1, 7),
+        (262, 3, 1, 6),
+        (273, 4, 1, 0),
+        (277, 3, 1, 3),
+        (278, 4, 1, h),
+        (279, 4, 1, jpeg.len() as u32),
+    ];
+    let after = 8 + 2 + 12 * entries.len() as u32 + 4;
+    entries[2].3 = after;
+    entries[5].3 = after + 6;
+    let mut bytes = b"II\x2a\0\x08\0\0\0".to_vec();
+    bytes.extend((entries.len() as u16).to_le_bytes());
+    for (tag, kind, count, value) in entries {
+        bytes.extend(tag.to_le_bytes());
+        bytes.extend(kind.to_le_bytes());
+        bytes.extend(count.to_le_bytes());
+        bytes.extend(value.to_le_bytes());
+    }
+    bytes.extend([0; 4]);
+    bytes.extend([8, 0, 8, 0, 8, 0]);
+    bytes.extend(jpeg);
+    bytes
+}
+
+#[test]
+fn jpeg_inside_tiff_is_the_same_picture() {
+    let folder = Folder::new();
+    let jpeg = jpeg_of(&texture(), 95);
+    let rgb = |path: &Path| match read_stored(path).unwrap().samples {
+        Samples::U8(data) => data,
+        other => panic!("{other:?}"),
+    };
+    let plain = rgb(&folder.file("a.jpg", &jpeg));
+    let inside = rgb(&folder.file("a.tif", &tiff_with_jpeg(&jpeg, [W, H])));
+    let worst = plain.iter().zip(&inside).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+    assert!(worst <= 2, "{worst}");
+}
+
+#[test]
+fn what_is_no_image_is_named() {
+    let folder = Folder::new();
+    let none = ImageFiles::with_converters(Vec::new());
+    let says = |name: &str, bytes: &[u8], word: &str| {
+        let message = read_with(&none, &[folder.file(name, bytes)]).unwrap_err().to_string();
+        assert!(message.contains(word) && message.contains(name), "{message}");
+    };
+    says("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic....", "heif-convert 'a.heic' 'a.png'");
+    says("a.avif", b"\0\0\0\x18ftypavif\0\0\0\0mif1avif....", "AVIF");
+    says("a.gif", b"GIF89a..........", "a GIF");
+    says("a.mp4", b"\0\0\0\x18ftypisom\0\0\0\0isommp42....", "a film");
+    says("a.txt", b"hello", "not an image");
+    says("a.jpg", b"", "empty");
+    // A DNG is a TIFF whose first picture is a small one.
+    let mut dng = b"II\x2a\0\x08\0\0\0\x04\0".to_vec();
+    for (tag, kind, value) in [(256u16, 4u16, W), (257, 4, H), (258, 3, 8), (50706, 1, 1)] {
+        dng.extend(tag.to_le_bytes());
+        dng.extend(kind.to_le_bytes());
+        dng.extend(1u32.to_le_bytes());
+        dng.extend(value.to_le_bytes());
+    }
+    dng.extend([0; 8]);
+    says("a.dng", &dng, "dcraw_emu -T -w 'a.dng'");
+}
+
+/// Stands in for a converter.
+#[cfg(unix)]
+#[test]
+fn a_converter_is_used_where_there_is_one() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new();
+    let png = folder.file("result.png", &{
+        let mut bytes = Vec::new();
+        image::codecs::png::PngEncoder::new(&mut bytes).write_image(&texture(), W, H, ExtendedColorType::L8).unwrap();
+        bytes
+    });
+    let heic = folder.file("-a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic....");
+    let tools = Folder::new();
+    let tool =
+        tools.file("heif-convert", format!("#!/bin/sh\ntest -f \"$1\" && cp '{}' \"$2\"\n", png.display()).as_bytes());
+    std::fs::set_permissions(&tool, PermissionsExt::from_mode(0o755)).unwrap();
+    let reader = ImageFiles::with_converters(vec![tools.0.path().to_path_buf()]);
+    let read = read_with(&reader, std::slice::from_ref(&heic)).unwrap();
+    assert_eq!(read.images[0].width(), W as usize);
+    assert!(read.notes[0].to_string().contains("read through heif-convert"), "{:?}", read.notes);
+    // One tile of a larger picture is no picture.
+    let mut tiled = std::fs::read(&heic).unwrap();
+    tiled.extend(b"\0\0\0\x14ispe\0\0\0\0\0\0\x10\0\0\0\x0c\0");
+    let tiled = folder.file("b.heic", &tiled);
+    let message = read_with(&reader, &[tiled]).unwrap_err().to_string();
+    assert!(message.contains("one tile"), "{message}");
+    std::fs::write(&tool, "#!/bin/sh\nexit 1\n").unwrap();
+    let message = read_with(&reader, &[heic]).unwrap_err().to_string();
+    assert!(message.contains("heif-convert cannot convert"), "{message}");
+}
+
+/// Sizes are refused by the header, before memory is taken.
+#[test]
+fn huge_images_are_refused() {
+    let folder = Folder::new();
+    let tiff = tiff_with_jpeg(&jpeg_of(&texture(), 90), [60_000, 60_000]);
+    let message = read_images(&[folder.file("a.tif", &tiff)]).unwrap_err().to_string();
+    assert!(message.contains("too large: 60000 x 60000"), "{message}");
+    #[cfg(unix)]
+    assert!(read_images(&["/dev/zero".into()]).unwrap_err().to_string().contains("a device"));
+}

@@ -1,0 +1,44 @@
+//! What a reader had to do or to leave out, for the user: values and the sentences about them.
+
+use std::path::Path;
+
+use crate::text::{printable, shown};
+
+/// A remark that does not stop the work.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    /// What kind of remark; does not change.
+    pub code: &'static str,
+    /// The file it is about; nothing: all of them.
+    pub file: Option<String>,
+    /// The sentence.
+    pub what: String,
+}
+
+impl Note {
+    /// A JPEG that ends early or is damaged inside.
+    pub const DAMAGED_IMAGE: &str = "damaged_image";
+    /// Values that do not fill the range of their type.
+    pub const VALUE_RANGE: &str = "value_range";
+    /// An image read by another program.
+    pub const CONVERTED_IMAGE: &str = "converted_image";
+    /// One of several pages.
+    pub const SEVERAL_PAGES: &str = "several_pages";
+
+    pub(crate) fn file(code: &'static str, path: &Path, what: impl Into<String>) -> Self {
+        Self { code, file: Some(shown(path)), what: what.into() }
+    }
+
+    pub(crate) fn all(code: &'static str, what: impl Into<String>) -> Self {
+        Self { code, file: None, what: what.into() }
+    }
+}
+
+impl std::fmt::Display for Note {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match &self.file {
+            Some(file) => write!(f, "{file}: {}", printable(&self.what)),
+            None => f.write_str(&printable(&self.what)),
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! All experiments by their names.
+
+use crate::{
+    error::LabError,
+    experiments::{
+        film, mobile, pan_head,
+        setup::{Description, ExperimentOptions, ExperimentOutput, Setup},
+        tripod,
+    },
+    progress::Progress,
+};
+
+/// One of the paper's experiments on a scene of ours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Experiment {
+    /// A tripod moved over the floor: 14 motions of varied roll.
+    Tripod,
+    /// A pan head that does not move: 13 pans, the elevation alone varied.
+    PanHead,
+    /// A pan head on a robot: three pictures, forward, three more.
+    MobileHead,
+    /// Two frames of a film from a crane that rises.
+    Film,
+}
+
+impl Experiment {
+    /// All four.
+    pub const ALL: [Experiment; 4] =
+        [Experiment::Tripod, Experiment::PanHead, Experiment::MobileHead, Experiment::Film];
+
+    fn description(self) -> Description {
+        match self {
+            Experiment::Tripod => tripod::DESCRIPTION,
+            Experiment::PanHead => pan_head::DESCRIPTION,
+            Experiment::MobileHead => mobile::DESCRIPTION,
+            Experiment::Film => film::DESCRIPTION,
+        }
+    }
+
+    /// Its name in tables, messages and file names.
+    pub fn name(self) -> &'static str {
+        self.description().name
+    }
+
+    /// Renders the scene, calibrates from the pictures, and sums up.
+    ///
+    /// # Errors
+    /// Whatever is not a method's refusal, which is a result: pictures that cannot be made, unusable input.
+    pub fn run(self, options: &ExperimentOptions, progress: &dyn Progress) -> Result<ExperimentOutput, LabError> {
+        let setup = Setup::new(&self.description(), options, progress)?;
+        match self {
+            Experiment::Tripod => tripod::run(&setup),
+            Experiment::PanHead => pan_head::run(&setup),
+            Experiment::MobileHead => mobile::run(&setup),
+            Experiment::Film => film::run(&setup),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{experiments::setup::reduce, renderer::scene::Scene};
+
+    #[test]
+    fn the_scenes_are_valid_and_halves_of_them_too() {
+        for experiment in Experiment::ALL.map(|e| e.description()) {
+            let mut scene: Scene = toml::from_str(experiment.scene).unwrap();
+            scene.validate().unwrap();
+            let full = scene.clone();
+            reduce(&mut scene);
+            scene.validate().unwrap();
+            // The same point of the floor is seen at the same place of the picture.
+            let (_, view) = scene.views().next().unwrap();
+            let yaw = view.yaw_deg.to_radians();
+            let point = nalgebra::Vector3::new(view.centre_m[0] + yaw.cos(), view.centre_m[1] + yaw.sin(), 0.0);
+            let at = |s: &Scene| s.pixel_from_world(0, &point).unwrap().unwrap().add_scalar(0.5);
+            assert!((at(&full) - at(&scene) * 2.0).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn motions_keep_their_attitude_and_the_head_its_axis() {
+        for (experiment, motions) in [(tripod::DESCRIPTION, 14), (pan_head::DESCRIPTION, 13)] {
+            let scene: Scene = toml::from_str(experiment.scene).unwrap();
+            assert_eq!((scene.groups.len(), scene.view_count()), (motions, 2 * motions));
+            for group in &scene.groups {
+                let [a, b] = [&group.views[0], &group.views[1]];
+                assert!(a.centre_m[2] == b.centre_m[2] && (a.yaw_deg - b.yaw_deg).abs() > 10.0);
+            }
+        }
+        let head: Scene = toml::from_str(pan_head::DESCRIPTION.scene).unwrap();
+        for (_, view) in head.views() {
+            let yaw = view.yaw_deg.to_radians();
+            let [x, y, _] = view.centre_m;
+            assert!((x - 0.2 * yaw.cos()).hypot(y - 0.2 * yaw.sin()) < 1e-4);
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! The four experiments of the paper (KZR) on scenes with exact truth, rendered, calibrated and put into tables: constraint by
+//! method, errors of focal length, aspect ratio and principal point.
+
+pub mod catalogue;
+mod contact_sheet;
+mod film;
+mod methods;
+mod mobile;
+mod pan_head;
+mod paths;
+pub mod setup;
+mod subsets;
+mod table;
+mod tripod;

@@ -1,0 +1,203 @@
+//! The way from a source to a calibration.
+//!
+//! ```text
+//! observe pairs -> find the lens -> select motions -> match their floor again -> the lens again -> solve -> report
+//! ```
+//!
+//! Every step is a function of what was found so far. [`PairObservation`]s are one list from beginning to end, a [`Selection`] an
+//! index on it, so that a step may be taken again with what a later one found.
+
+use crate::{
+    calibrate::{
+        lens::{estimated_lens_of_motions, given_lens_of_motions, through_own_camera},
+        names::Names,
+        options::{Method, Options},
+        outcome::assemble,
+        plane_normal::solve_plane_normal,
+        rotating::solve_rotating,
+        solved::Solved,
+        source::{GivenPairs, Source},
+        stage_options::StageOptions,
+        turning::{rotations_explain, solve_turning},
+    },
+    error::Error,
+    observer::{Observer, Stage},
+    pairs::{
+        known_lens::{KnownLens, find_lens},
+        observation::{PairObservation, images_of},
+        observe::observe,
+        patch::match_by_patches,
+        plane_lens::Lens,
+    },
+    result::{Calibration, Warning},
+    select::{
+        plane_normal::select_plane_normal,
+        rotations::{find_turning, select_rotations},
+        selection::{MotionKind, Selection},
+    },
+};
+
+/// Relative change of the focal length in the last round of a fixed point that counts as rest.
+const SETTLED: f64 = 1e-6;
+
+/// What is known before the camera is.
+struct Found {
+    pairs: Vec<PairObservation>,
+    lens: KnownLens,
+    selection: Selection,
+    /// By how much coefficients given enlarge errors of the focal length through which they act, where they were put through it.
+    amplification: Option<f64>,
+    warnings: Vec<Warning>,
+}
+
+/// From a source to a calibration.
+///
+/// # Errors
+/// See [`Error`].
+pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
+    let stages = StageOptions::new(options, &source.traits);
+    let (pairs, lens) = observe_pairs(source.pairs, &stages, observer)?;
+    let selection = select_motions(&pairs, &lens, &stages, observer)?;
+    let mut found = Found { pairs, lens, selection, amplification: None, warnings: source.warnings };
+    found = given_lens_through_its_camera(found, &stages, observer)?;
+    if let (Some(images), Some(patches)) = (source.images, &stages.patches) {
+        let used = found.selection.used();
+        found.pairs = match_by_patches(found.pairs, &used, images, found.lens.lens(), patches, observer)?;
+    }
+    found = seen_again(found, &stages, observer)?;
+    observer.begin(Stage::Camera, 1);
+    let solved = solve(&found, &stages, observer)?;
+    let Found { pairs, lens, selection, warnings, .. } = found;
+    let calibration = assemble(&solved, &selection, &pairs, &lens, Names(source.names), &stages, warnings);
+    observer.advance(Stage::Camera);
+    Ok(calibration)
+}
+
+/// What each pair shows, and the lens as far as it is known beforehand or the planes tell it.
+fn observe_pairs(
+    given: GivenPairs,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<(Vec<PairObservation>, KnownLens), Error> {
+    let options = stages.options;
+    let pairs = match given {
+        GivenPairs::Planes(pairs) => return Ok((pairs, KnownLens::NotModelled)),
+        GivenPairs::Matches(pairs) => pairs,
+    };
+    if let Some(lens) = &stages.lens {
+        let (pairs, finding) = find_lens(pairs, lens, &stages.observe, observer)?;
+        return Ok((pairs, finding.into()));
+    }
+    let lens = if options.distortion.is_none() {
+        KnownLens::NotModelled
+    } else {
+        let intrinsics = options.middling_camera(stages.size);
+        KnownLens::Given(Lens { distortion: options.distortion, intrinsics })
+    };
+    Ok((observe(pairs, lens.lens(), &stages.observe, observer)?, lens))
+}
+
+/// Which pairs are motions, and of what kind: rotations where the method is the rotating camera's; else plane-normal motions, or a
+/// camera that turns on the spot about any axes where that explains more of the images.
+fn select_motions(
+    pairs: &[PairObservation],
+    lens: &KnownLens,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<Selection, Error> {
+    if stages.options.method == Method::Rotating {
+        return select_rotations(pairs, &stages.rotations);
+    }
+    let plane_normal = select_plane_normal(pairs, &stages.plane_normal, observer);
+    observer.go_on()?;
+    if stages.plane_normal.trusted || stages.options.method == Method::Linear {
+        return plane_normal;
+    }
+    if let Some(turning) = find_turning(pairs, &stages.rotations)
+        && let MotionKind::Turning { focal_px } = turning.kind
+        && explains_more(&turning, plane_normal.as_ref().ok(), pairs)
+        && rotations_explain(pairs, &turning, focal_px, lens, stages, observer)?
+    {
+        return Ok(turning);
+    }
+    plane_normal
+}
+
+/// Whether rotations join more images than plane-normal motions, or as many with a third more pairs. A pan about one axis is
+/// explained by both, and then it is motions of one attitude, which is more to know.
+fn explains_more(turning: &Selection, plane_normal: Option<&Selection>, pairs: &[PairObservation]) -> bool {
+    let count = |selection: &Selection| {
+        let used = selection.used();
+        (images_of(&used, pairs).len(), used.len())
+    };
+    let (images, rotations) = count(turning);
+    let (joined, motions) = plane_normal.map_or((0, 0), count);
+    images > joined || (images == joined && 4 * motions < 3 * rotations)
+}
+
+/// A given lens put through the camera of the pairs selected, which are selected anew under it. Which scene it is does not hang on
+/// that: a joint refinement of directions finds the camera by itself.
+fn given_lens_through_its_camera(
+    found: Found,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<Found, Error> {
+    let rotating = stages.options.method == Method::Rotating;
+    let KnownLens::Given(start) = found.lens else { return Ok(found) };
+    if !rotating && found.selection.kind != MotionKind::PlaneNormal {
+        return Ok(found);
+    }
+    let select = |pairs: &[PairObservation]| {
+        if rotating {
+            select_rotations(pairs, &stages.rotations)
+        } else {
+            select_plane_normal(pairs, &stages.plane_normal, observer)
+        }
+    };
+    let (pairs, selection, point) = through_own_camera(found.pairs, found.selection, start, select, stages, observer)?;
+    let mut warnings = found.warnings;
+    // Motions are looked at again after their patches; then it must have settled.
+    if rotating && point.last_change > SETTLED {
+        warnings.push(Warning::DistortionNotConverged { relative_change: point.last_change });
+    }
+    let (lens, amplification) = (KnownLens::Given(point.lens), Some(point.amplification));
+    Ok(Found { pairs, lens, selection, amplification, warnings })
+}
+
+/// What the matches of the motions selected, better than before, say of the lens and of the selection.
+fn seen_again(found: Found, stages: &StageOptions<'_>, observer: &dyn Observer) -> Result<Found, Error> {
+    let Found { mut pairs, mut lens, mut selection, mut amplification, mut warnings } = found;
+    if stages.options.method == Method::Rotating {
+        selection = select_rotations(&pairs, &stages.rotations)?;
+    } else if selection.kind == MotionKind::PlaneNormal {
+        if let KnownLens::Given(before) = lens {
+            let (refitted, point) = given_lens_of_motions(pairs, &selection, before, stages, observer)?;
+            (pairs, lens) = (refitted, KnownLens::Given(point.lens));
+            amplification = amplification.map(|before| before.max(point.amplification));
+            if point.last_change > SETTLED {
+                warnings.push(Warning::DistortionNotConverged { relative_change: point.last_change });
+            }
+        } else if let Some(options) = &stages.lens {
+            (pairs, selection, lens) = estimated_lens_of_motions(pairs, selection, lens, options, stages, observer)?;
+        }
+        selection = selection.confirmed(&pairs);
+    }
+    Ok(Found { pairs, lens, selection, amplification, warnings })
+}
+
+/// The camera, by the method asked for and the kind of motion found.
+fn solve(found: &Found, stages: &StageOptions<'_>, observer: &dyn Observer) -> Result<Solved, Error> {
+    let Found { pairs, lens, selection, .. } = found;
+    let solved = match (stages.options.method, selection.kind) {
+        (Method::Rotating, _) => solve_rotating(pairs, selection, lens, stages, observer)?,
+        (Method::Joint | Method::Linear, MotionKind::PlaneNormal) => {
+            solve_plane_normal(pairs, selection, lens, stages, observer)?
+        }
+        (Method::Joint | Method::Linear, MotionKind::Turning { focal_px }) => {
+            solve_turning(pairs, selection, focal_px, lens, stages, observer)?
+        }
+    };
+    // The joint refinement has the lens and the camera together: its error bars hold already.
+    let amplification = found.amplification.filter(|_| solved.joint.is_none());
+    Ok(Solved { amplification, ..solved })
+}

@@ -1,0 +1,269 @@
+//! What a calibration may be told, and what the camera's stages and the refinement make of it.
+
+pub use crate::result::Method;
+use crate::{
+    error::Error,
+    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    pairs::{
+        known_lens::{K1_SIGMA, K2_SIGMA},
+        robust::RobustOptions,
+    },
+    refine::{BundleOptions, CameraUnknowns},
+    result::calibration::ATTITUDE_SIGMA_DEG,
+    start::{
+        absolute_conic::Constraint,
+        linear_camera::{CameraOptions, GivenPrior, PriorParameter},
+    },
+    vision::{
+        features::{FeatureOptions, MatchOptions},
+        patches::PatchOptions,
+    },
+};
+
+/// What is estimated of a lens.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LensModel {
+    /// Nothing: the lens is taken to have no distortion, and the error bars do not cover it.
+    None,
+    /// k1.
+    K1,
+    /// k1 and k2, each with a prior about zero: what the images do not tell stays there, with its error bar.
+    #[default]
+    K1K2,
+}
+
+/// What a calibration may be told. Everything has a default.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// How the camera is estimated.
+    pub method: Method,
+    /// What is assumed of the camera matrix.
+    pub constraint: Constraint,
+    /// The principal point in pixels where it is held, centre of its prior otherwise (default: the image centre).
+    pub principal_point_px: Option<[f64; 2]>,
+    /// fy / fx where it is held, centre of its prior otherwise (default: 1).
+    pub aspect: Option<f64>,
+    /// A known lens distortion; it is undone before anything else.
+    pub distortion: Distortion,
+    /// What is estimated of a lens distortion where none is given.
+    pub lens: LensModel,
+    /// Priors that take the place of those of `auto`, or join the other constraints (joint refinement; the linear method knows
+    /// those of the camera matrix).
+    pub priors: Vec<GivenPrior>,
+    /// Standard deviation of each view's attitude about each axis across the floor's normal, in degrees: robots pitch and
+    /// floors are not flat. 0: exactly plane-normal, as in the paper. `None`: estimated where three attitudes or more allow
+    /// it, else 0.1, or 1.5 for a single motion before a background that stands still (a thing moved before a fixed camera,
+    /// by an arm or by hand).
+    pub attitude_sigma_deg: Option<f64>,
+    /// Relative standard deviation of each view's height over the floor from that of the others of its attitude. 0: constant
+    /// height; 0.3 and more: free. `None`: estimated. The linear method takes heights as free.
+    pub height_sigma: Option<f64>,
+    /// Pairs of image indices known to be plane-normal motions; `None`: found.
+    pub pairs: Option<Vec<(usize, usize)>>,
+    /// Up to this many images all pairs are compared, beyond it neighbours.
+    pub all_pairs_limit: usize,
+    /// Fewest matches that must agree on a plane; `None`: 15 for images, 6 for given matches.
+    pub min_plane_matches: Option<usize>,
+    /// Detection of features.
+    pub features: FeatureOptions,
+    /// Matching of features.
+    pub matching: MatchOptions,
+    /// Robust homographies.
+    pub robust: RobustOptions,
+    /// Whether the floor of the motions found is matched again patch by patch (images only).
+    pub match_patches: bool,
+    /// Least squares matching of those patches.
+    pub patches: PatchOptions,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            method: Method::default(),
+            constraint: Constraint::Auto,
+            principal_point_px: None,
+            aspect: None,
+            distortion: Distortion::default(),
+            lens: LensModel::default(),
+            priors: Vec::new(),
+            attitude_sigma_deg: None,
+            height_sigma: None,
+            pairs: None,
+            all_pairs_limit: 40,
+            min_plane_matches: None,
+            features: FeatureOptions::default(),
+            matching: MatchOptions::default(),
+            robust: RobustOptions::default(),
+            match_patches: true,
+            patches: PatchOptions::default(),
+            seed: 0,
+        }
+    }
+}
+
+/// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it; and
+/// a thing moved before a fixed camera by an arm or by hand, when a single motion cannot show it.
+pub(super) const HELD_ATTITUDE_SIGMA_DEG: f64 = 1.5;
+/// Prior of ln(fy / fx) under `auto`, and when the ratio is given.
+const ASPECT_SIGMA: f64 = 0.003;
+const GIVEN_ASPECT_SIGMA: f64 = 0.001;
+/// Prior of the principal point as a fraction of the image width under `auto`, and when it is given.
+const PRINCIPAL_POINT_SIGMA: f64 = 0.05;
+const GIVEN_PRINCIPAL_POINT_SIGMA: f64 = 0.01;
+
+impl Options {
+    /// Checks every option once.
+    ///
+    /// # Errors
+    /// [`Error::InvalidOption`] naming the option and its value.
+    pub fn validate(&self, size: ImageSize) -> Result<(), Error> {
+        let fail = |text: String| Err(Error::InvalidOption(text));
+        if let Some([x, y]) = self.principal_point_px {
+            let (w, h) = (size.width as f64, size.height as f64);
+            if !(x.is_finite() && y.is_finite() && (-w..2.0 * w).contains(&x) && (-h..2.0 * h).contains(&y)) {
+                return fail(format!("principal point ({x}, {y}) is not near an image of {size} pixels"));
+            }
+        }
+        if let Some(a) = self.aspect
+            && !(a.is_finite() && (0.1..=10.0).contains(&a))
+        {
+            return fail(format!("aspect ratio {a} must lie between 0.1 and 10"));
+        }
+        if let Some(sigma) = self.attitude_sigma_deg
+            && !(sigma.is_finite() && (0.0..=20.0).contains(&sigma))
+        {
+            return fail(format!("attitude sigma {sigma} degrees must lie between 0 and 20"));
+        }
+        if let Some(sigma) = self.height_sigma
+            && !(sigma.is_finite() && (0.0..=10.0).contains(&sigma))
+        {
+            return fail(format!("height sigma {sigma} must lie between 0 and 10"));
+        }
+        let d = &self.distortion;
+        if ![d.k1, d.k2, d.p1, d.p2].iter().all(|v| v.is_finite() && v.abs() <= 10.0) {
+            return fail(format!("distortion k1 {}, k2 {} must be finite and at most 10 in size", d.k1, d.k2));
+        }
+        for p in &self.priors {
+            let name = p.parameter.name();
+            let positive = matches!(p.parameter, PriorParameter::Fx | PriorParameter::Aspect);
+            if !(p.mean.is_finite() && p.sigma.is_finite() && p.sigma > 0.0 && (!positive || p.mean > 0.0)) {
+                return fail(format!(
+                    "prior {name} = {} +- {}: both must be finite, the deviation (and a focal length or ratio) positive",
+                    p.mean, p.sigma
+                ));
+            }
+            if self.priors.iter().filter(|q| q.parameter == p.parameter).count() > 1 {
+                return fail(format!("two priors of {name}"));
+            }
+            if !self.is_estimated(p.parameter) {
+                return fail(format!(
+                    "a prior of {name}, which `{}`, the given distortion or the lens model holds: leave one of the two out",
+                    self.constraint.name()
+                ));
+            }
+        }
+        if self.method == Method::Rotating {
+            if !self.priors.is_empty() {
+                return fail(
+                    "the rotating-camera method takes no priors: leave them out, or use the joint method".into(),
+                );
+            }
+            if self.attitude_sigma_deg.is_some() || self.height_sigma.is_some() {
+                return fail(
+                    "the rotating-camera method knows no floor: an attitude or height sigma has no meaning there"
+                        .into(),
+                );
+            }
+        }
+        if !(self.robust.max_sigma_px.is_finite() && self.robust.max_sigma_px > 0.0) {
+            return fail(format!("largest noise {} px must be positive", self.robust.max_sigma_px));
+        }
+        Ok(())
+    }
+
+    /// Whether a number of the camera is estimated at all.
+    fn is_estimated(&self, parameter: PriorParameter) -> bool {
+        let free = self.constraint.free();
+        let lens_unknown = self.distortion.is_none();
+        match parameter {
+            PriorParameter::Fx => free[0],
+            PriorParameter::Aspect => free[1],
+            PriorParameter::Cx => free[2],
+            PriorParameter::Cy => free[3],
+            // `auto` holds the skew at zero unless it is told otherwise.
+            PriorParameter::Skew => free[4] || self.constraint == Constraint::Auto,
+            PriorParameter::K1 => lens_unknown && self.lens != LensModel::None,
+            PriorParameter::K2 => lens_unknown && self.lens == LensModel::K1K2,
+        }
+    }
+
+    fn given_prior(&self, parameter: PriorParameter) -> Option<(f64, f64)> {
+        self.priors.iter().find(|p| p.parameter == parameter).map(|p| (p.mean, p.sigma))
+    }
+
+    /// Where the principal point is thought to be, pixels.
+    pub(super) fn assumed_principal_point(&self, size: ImageSize) -> [f64; 2] {
+        self.principal_point_px.unwrap_or(size.centre_px())
+    }
+
+    /// Square pixels and the longer side for a focal length, until a camera is known.
+    pub(super) fn middling_camera(&self, size: ImageSize) -> Intrinsics {
+        let [cx, cy] = self.assumed_principal_point(size);
+        Intrinsics::square(size.width.max(size.height) as f64, cx, cy)
+    }
+
+    /// Whether the distortion is to be found.
+    pub(super) fn lens_is_unknown(&self) -> bool {
+        self.distortion.is_none() && self.lens != LensModel::None
+    }
+
+    /// What the closed-form camera is told.
+    pub(super) fn camera(&self, size: ImageSize) -> CameraOptions {
+        let fraction =
+            if self.principal_point_px.is_some() { GIVEN_PRINCIPAL_POINT_SIGMA } else { PRINCIPAL_POINT_SIGMA };
+        CameraOptions {
+            constraint: self.constraint,
+            aspect: self.aspect.unwrap_or(1.0),
+            aspect_sigma: if self.aspect.is_some() { GIVEN_ASPECT_SIGMA } else { ASPECT_SIGMA },
+            principal_point_sigma_px: fraction * size.width as f64,
+            given: self.priors.clone(),
+            attitude_sigma_rad: self.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG).to_radians(),
+            estimate_attitude_sigma: self.attitude_sigma_deg.is_none(),
+        }
+    }
+
+    /// What the joint refinement assumes where nothing is known of the images yet, in the frame of such a size.
+    #[cfg(feature = "synthetic")]
+    pub(crate) fn assumptions(&self, size: ImageSize) -> BundleOptions {
+        self.refinement(size, &self.camera(size), self.lens_is_unknown())
+    }
+
+    /// What the joint refinement is told, the closed-form camera having been told `camera`.
+    pub(super) fn refinement(&self, size: ImageSize, camera: &CameraOptions, estimate_lens: bool) -> BundleOptions {
+        let frame = Frame::new(size, self.principal_point_px);
+        let k = self.constraint.free();
+        let priors = camera.priors(&frame).0;
+        let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);
+        let lens_prior =
+            |free: bool, parameter, sigma: f64| free.then(|| self.given_prior(parameter).unwrap_or((0.0, sigma)));
+        let image_half_sides = [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px);
+        let unknowns = CameraUnknowns {
+            matrix_free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some()],
+            matrix_priors: priors,
+            lens_free: vec![k1, k2],
+            lens_priors: vec![
+                lens_prior(k1, PriorParameter::K1, K1_SIGMA),
+                lens_prior(k2, PriorParameter::K2, K2_SIGMA),
+            ],
+            ..CameraUnknowns::new(frame, image_half_sides)
+        };
+        BundleOptions {
+            attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
+            attitude_scale_rad: camera.attitude_sigma_rad,
+            height_sigma: self.height_sigma,
+            ..BundleOptions::new(vec![unknowns])
+        }
+    }
+}

@@ -1,0 +1,297 @@
+//! The result value, put together from a camera and what it was made from.
+
+use crate::{
+    calibrate::{
+        attitude::Attitude,
+        checks::{doubts, large_uncertainty},
+        evidence::evidence_of,
+        joint::Joint,
+        lens_result::LensResult,
+        names::Names,
+        options::Method,
+        solved::Solved,
+        stage_options::StageOptions,
+    },
+    floor::view::FloorView,
+    geometry::plane_view::View,
+    ids::{GroupId, ViewId},
+    pairs::{known_lens::KnownLens, observation::PairObservation},
+    refine::{CAMERA, SceneModel, VIEW_NUMBERS, ViewEstimate},
+    result::{
+        AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Prior, Scene,
+        StandardDeviation, ViewParameter, ViewReport, Warning,
+        calibration::{FORMAT_VERSION, SCHEMA_VERSION},
+        diagnosis,
+    },
+    select::{
+        attitude_groups::AttitudeGroup,
+        selection::{PairVerdict, Rejection, Selection},
+    },
+};
+
+/// Everything that is reported of a camera. `before`: doubts about the source.
+pub(super) fn assemble(
+    solved: &Solved,
+    selection: &Selection,
+    pairs: &[PairObservation],
+    known: &KnownLens,
+    names: Names<'_>,
+    stages: &StageOptions<'_>,
+    before: Vec<Warning>,
+) -> Calibration {
+    let joint = solved.joint.as_ref();
+    let lens = LensResult::new(known, joint, &solved.solution);
+    let attitudes = attitudes_of(solved, pairs, stages);
+    let mut warnings = before;
+    warnings.extend(solved.warnings.iter().cloned());
+    warnings.extend(doubts(solved, &lens, &attitudes, pairs, names, stages));
+    let calibration = Calibration {
+        attitudes: attitude_reports(solved, &attitudes, names, stages),
+        views: joint.map_or(Vec::new(), |joint| view_reports(joint, names)),
+        motions: motion_reports(solved, selection, pairs, &attitudes, names, stages),
+        warnings,
+        evidence: evidence_of(pairs, joint, known, names, &stages.frame),
+        ..camera_report(solved, &lens, stages)
+    };
+    let mut calibration = match solved.amplification {
+        Some(factor) => amplified(calibration, factor),
+        None => calibration,
+    };
+    let diagnoses = diagnosis::motions(&calibration);
+    for (motion, diagnosis) in calibration.motions.iter_mut().zip(diagnoses) {
+        motion.diagnosis = diagnosis;
+    }
+    calibration
+}
+
+/// The camera alone.
+fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) -> Calibration {
+    let (s, joint) = (&solved.solution, solved.joint.as_ref());
+    let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
+    let covariance = |r: usize, c: usize| match joint {
+        Some(joint) => joint.covariance_px[(r, c)],
+        None if r < 5 && c < 5 => s.covariance_px[(r, c)],
+        None if r == c => [lens.k1_sigma, lens.k2_sigma][r - 5].map_or(0.0, |v| v * v),
+        None => 0.0,
+    };
+    let over_floor = joint.filter(|joint| joint.bundle.scene == SceneModel::Floor);
+    Calibration {
+        schema_version: SCHEMA_VERSION,
+        format_version: FORMAT_VERSION,
+        pixel_centre: PixelCentre::TopLeftPixel,
+        camera: Camera::new(stages.size, &s.intrinsics, lens.distortion, lens.source),
+        standard_deviation: StandardDeviation {
+            fx: sd(0),
+            fy: sd(1),
+            cx: sd(2),
+            cy: sd(3),
+            skew: sd(4),
+            k1: lens.k1_sigma,
+            k2: lens.k2_sigma,
+        },
+        covariance: Covariance::from_fn(&Parameter::ALL, covariance),
+        constraint: solved.constraint,
+        method: solved.method,
+        camera_height_m: None,
+        scene: match (solved.method, over_floor) {
+            (Method::Linear, _) => None,
+            (Method::Joint, Some(_)) => Some(Scene::Floor),
+            (Method::Joint, None) | (Method::Rotating, _) => Some(Scene::Directions),
+        },
+        priors: s
+            .priors
+            .iter()
+            .map(|p| Prior {
+                parameter: p.parameter,
+                mean: p.mean,
+                sigma: p.sigma,
+                posterior_over_prior: p.posterior_over_prior,
+            })
+            .collect(),
+        attitude_sigma_estimated: s.attitude_sigma_estimated,
+        // Radians and back leave digits that nobody gave.
+        attitude_sigma_deg: (s.attitude_sigma_rad.to_degrees() * 1e9).round() / 1e9,
+        fit: Fit {
+            chi_squared: s.chi_squared,
+            degrees_of_freedom: s.degrees_of_freedom,
+            variance_inflation: s.variance_inflation,
+            distortion_amplification: 1.0,
+            refinement: joint.map(Joint::report),
+        },
+        height_sigma: over_floor.map(|joint| joint.bundle.height_sigma.sigma),
+        attitudes: Vec::new(),
+        views: Vec::new(),
+        motions: Vec::new(),
+        warnings: Vec::new(),
+        evidence: Default::default(),
+    }
+}
+
+/// The attitudes of the solution's groups, as they are known best.
+fn attitudes_of(solved: &Solved, pairs: &[PairObservation], stages: &StageOptions<'_>) -> Vec<Attitude> {
+    let s = &solved.solution;
+    match &solved.joint {
+        // Without plane-normal motions there is no floor to have an attitude to.
+        Some(joint) => (0..s.groups.len())
+            .filter_map(|a| Some(Attitude::from_up(joint.group_with(a)?.up, &s.intrinsics)))
+            .collect(),
+        None => {
+            let of =
+                |group: &AttitudeGroup| Attitude::of_group(group, &s.intrinsics, &stages.frame, pairs, &solved.used);
+            s.groups.iter().map(of).collect()
+        }
+    }
+}
+
+fn attitude_reports(
+    solved: &Solved,
+    attitudes: &[Attitude],
+    names: Names<'_>,
+    stages: &StageOptions<'_>,
+) -> Vec<AttitudeReport> {
+    let k = &solved.solution.intrinsics;
+    let report = |(g, (group, attitude)): (usize, (&AttitudeGroup, &Attitude))| {
+        let refined = solved.joint.as_ref().and_then(|j| Some((j, j.group_with(g)?)));
+        let sigma = |i: usize| refined.map(|(_, g)| g.covariance.rest()[(i, i)].max(0.0).sqrt());
+        let over_floor = refined.filter(|(j, _)| j.bundle.scene == SceneModel::Floor);
+        let horizon_sigma =
+            refined.and_then(|(j, g)| attitude.horizon_sigma(k, stages.size, &j.in_pixels(&g.covariance.fixed())));
+        AttitudeReport {
+            pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
+            pitch_down_sigma_deg: sigma(0).map(f64::to_degrees),
+            roll_deg: attitude.roll_rad.to_degrees(),
+            roll_sigma_deg: sigma(1).map(f64::to_degrees),
+            height: over_floor.map(|(_, g)| g.height),
+            height_sigma: over_floor.and(sigma(2)),
+            origin: over_floor.map(|(j, g)| names.of(j.views.image(ViewId::new(g.origin)))),
+            horizon_px: attitude.horizon_px,
+            horizon_sigma_deg: horizon_sigma.map(|s| s[0].to_degrees()),
+            horizon_sigma_px: horizon_sigma.map(|s| s[1]),
+            motions: group.members.iter().map(|&m| solved.used[m].index()).collect(),
+        }
+    };
+    solved.solution.groups.iter().zip(attitudes).enumerate().map(report).collect()
+}
+
+fn view_reports(joint: &Joint, names: Names<'_>) -> Vec<ViewReport> {
+    let b = &joint.bundle;
+    let name = |view: usize| names.of(joint.views.image(ViewId::new(view)));
+    let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
+        let e = estimate.as_ref()?;
+        let floor = b.scene == SceneModel::Floor;
+        let covariance = joint.in_pixels::<VIEW_NUMBERS>(&e.covariance.fixed());
+        let sigma_deg = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt().to_degrees();
+        let [pitch_down_rad, roll_rad] = e.pitch_roll_rad;
+        let view = View { pitch_down_rad, roll_rad, yaw_rad: e.yaw_rad, centre: e.centre };
+        let over_floor = FloorView::new(&joint.intrinsics, joint.distortion, &view).ok().filter(|_| floor);
+        Some(ViewReport {
+            image: name(v),
+            attitude: joint.attitude_of(GroupId::new(b.state.frames[v].group)),
+            origin: name(e.origin),
+            yaw_deg: e.yaw_rad.to_degrees(),
+            yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),
+            pitch_down_deg: pitch_down_rad.to_degrees(),
+            pitch_down_sigma_deg: sigma_deg(0),
+            roll_deg: roll_rad.to_degrees(),
+            roll_sigma_deg: sigma_deg(1),
+            position: floor.then(|| e.centre.into()),
+            position_sigma: floor.then(|| e.centre_sigma.into()),
+            floor_from_image: over_floor.map(|o| o.homography_with_covariance(&covariance)),
+            observations: e.observations,
+            weighted_rms: e.weighted_rms,
+            covariance: Covariance::from_fn(&ViewParameter::ALL, |r, c| covariance[(r, c)]),
+        })
+    };
+    b.views.iter().enumerate().filter_map(report).collect()
+}
+
+fn motion_reports(
+    solved: &Solved,
+    selection: &Selection,
+    pairs: &[PairObservation],
+    attitudes: &[Attitude],
+    names: Names<'_>,
+    stages: &StageOptions<'_>,
+) -> Vec<MotionReport> {
+    let s = &solved.solution;
+    let cross_links = solved.joint.as_ref().map_or(&[][..], |joint| &joint.cross_links);
+    let report = |pair: &PairObservation| {
+        let member = solved.used.iter().position(|id| *id == pair.id);
+        let attitude = member.and_then(|m| s.groups.iter().position(|g| g.members.contains(&m)));
+        let geometry = pair.geometry();
+        let rotation_rad = match (&solved.rotations_rad, member, geometry) {
+            (Some(angles), Some(m), _) => angles.get(m).copied(),
+            (_, _, Some(g)) => {
+                let sign = attitude.map(|a| attitudes[a].turn_sign(&g.circular_point, &s.intrinsics, &stages.frame));
+                Some(g.rotation_rad * sign.unwrap_or(1.0))
+            }
+            _ => None,
+        };
+        let refused_deg = pair.outcome.as_ref().err().and_then(|refusal| refusal.rotation_deg);
+        let plane = pair.plane();
+        MotionReport {
+            from: names.of(pair.from),
+            to: names.of(pair.to),
+            used: member.is_some(),
+            tie: cross_links.contains(&pair.id),
+            rotation_deg: rotation_rad.map(f64::to_degrees).or(refused_deg),
+            rotation_sigma_deg: geometry.map(|g| g.rotation_sigma_rad.to_degrees()),
+            rho: geometry.map(|g| g.rho),
+            rho_sigma: geometry.map(|g| g.rho_sigma),
+            matches: plane.map_or(0, |plane| plane.estimate.matches),
+            candidate_matches: pair.candidates,
+            rms_px: plane.map(|plane| plane.estimate.rms_px),
+            attitude,
+            reason: match member {
+                Some(_) => None,
+                None => why_not_used(pair, selection.verdict(pair.id), pairs, names),
+            },
+            diagnosis: None,
+        }
+    };
+    pairs.iter().map(report).collect()
+}
+
+/// Why a pair is not used, in the words of the report.
+fn why_not_used(
+    pair: &PairObservation,
+    verdict: PairVerdict,
+    pairs: &[PairObservation],
+    names: Names<'_>,
+) -> Option<String> {
+    if let Err(refusal) = &pair.outcome {
+        return Some(refusal.reason.clone());
+    }
+    let PairVerdict::Rejected(rejection) = verdict else { return None };
+    Some(match rejection {
+        Rejection::Disagrees { sigmas } if sigmas.is_finite() => format!(
+            "not a turn about the floor's normal: no agreement with the other motions' camera ({sigmas:.0} sigma)"
+        ),
+        Rejection::Disagrees { .. } => "agrees with no camera".to_string(),
+        Rejection::WrongSides => {
+            "not a turn about the floor's normal: the horizon it implies passes between its points".to_string()
+        }
+        Rejection::OtherAttitude { pair: other, image, sigmas } => {
+            let [from, to] = pairs[other].images().map(|image| names.of(image));
+            format!(
+                "not a turn about the floor's normal: {} has another attitude in {from} - {to} ({sigmas:.0} sigma)",
+                names.of(image)
+            )
+        }
+        Rejection::NoRotation => "not explained by a camera that turns on the spot, as the others are".to_string(),
+    })
+}
+
+/// With all deviations widened because given coefficients act through the focal length.
+fn amplified(mut c: Calibration, factor: f64) -> Calibration {
+    let s = &mut c.standard_deviation;
+    for value in [&mut s.fx, &mut s.fy, &mut s.cx, &mut s.cy, &mut s.skew].into_iter().flatten() {
+        *value *= factor;
+    }
+    c.covariance.scale(|_| factor);
+    c.fit.distortion_amplification = factor;
+    let percent = 100.0 * c.standard_deviation.fx.unwrap_or(0.0) / c.camera.fx;
+    c.warnings.retain(|warning| !matches!(warning, Warning::LargeUncertainty { .. }));
+    c.warnings.extend(large_uncertainty(percent));
+    c
+}

@@ -1,0 +1,240 @@
+//! The joint refinement of the pairs selected: plane-normal motions over a floor, or a camera turning on the spot.
+
+use std::cmp::Reverse;
+
+use nalgebra::Matrix3;
+
+use crate::{
+    calibrate::{
+        attitude::Attitude,
+        joint::{Joint, SharedFloors},
+        setup::{Setup, ViewGroups, starting_camera},
+        views::Views,
+    },
+    error::Error,
+    geometry::{attitude::attitude_rotation, frame::Frame, intrinsics::Intrinsics},
+    ids::PairId,
+    observer::Observer,
+    pairs::{known_lens::KnownLens, observation::PairObservation},
+    refine::{
+        BundleOptions, Kind, SceneModel, State,
+        adjust::adjust_until,
+        start::{floor_deviation, rotations_from_links, state_from_links},
+    },
+    remedy::Remedy,
+    select::{attitude_groups::AttitudeGroup, selection::Selection},
+    start::linear_camera::CameraSolution,
+};
+
+/// Options of [`refine_motions`] and [`refine_turning`].
+#[derive(Debug, Clone)]
+pub(super) struct RefinementOptions {
+    /// Frame of the estimation.
+    pub(super) frame: Frame,
+    /// An estimated lens has no k2.
+    pub(super) k2_is_held: bool,
+    /// What is free, priors, variance components.
+    pub(super) bundle: BundleOptions,
+}
+
+/// Relative deviation of f from which on other focal lengths are tried as starts, and those.
+const VAGUE: f64 = 0.03;
+const FACTORS_WHERE_VAGUE: [f64; 3] = [1.0, 0.8, 1.25];
+
+/// Matches that link views of different attitudes, how far their homography may be from one of the floor (radians and relative
+/// lengths), how many links a view has at most, and by how much they may raise the variance of the residuals of patches and of
+/// points.
+const MIN_LINK_MATCHES: usize = 20;
+const MAX_LINK_DEVIATION: f64 = 0.03;
+const LINKS_PER_VIEW: usize = 2;
+const MAX_LINK_VARIANCE: f64 = 1.3;
+const MAX_LINK_POINT_VARIANCE: f64 = 3.0;
+/// Deviation of such a homography from which on it contradicts the two attitudes.
+const CONTRADICTION: f64 = 0.1;
+
+/// Variance of the residuals under rotations, in units of the matching noise, that no real lens and distant scene come near.
+const MAX_ROTATION_VARIANCE: f64 = 100.0;
+
+/// Refines the closed-form solution on the matches of the motions selected, and on those of pairs of different attitudes that see
+/// the same floor. `None` when there are no matches to refine on.
+///
+/// # Errors
+/// See [`crate::refine::adjust`]; [`Error::Stopped`].
+pub(super) fn refine_motions(
+    pairs: &[PairObservation],
+    selection: &Selection,
+    solution: &CameraSolution,
+    lens: &KnownLens,
+    options: &RefinementOptions,
+    observer: &dyn Observer,
+) -> Result<Option<Joint>, Error> {
+    let (used, frame) = (selection.used(), &options.frame);
+    let views = Views::of_pairs(&used, pairs);
+    let Some(groups) = ViewGroups::of_motions(&used, pairs, &views, solution) else { return Ok(None) };
+    let Some(setup) = Setup::of_pairs(&used, pairs, &views, lens.lens(), frame) else { return Ok(None) };
+    let scene = if selection.is_far_away() { SceneModel::Directions } else { SceneModel::Floor };
+    // A focal length that the closed form hardly knows may be another.
+    let vague = solution.covariance_px[(0, 0)].sqrt() > VAGUE * solution.intrinsics.fx;
+    let factors: &[f64] = if vague { &FACTORS_WHERE_VAGUE } else { &[1.0] };
+    let start = |factor: &f64| {
+        let k = &solution.intrinsics;
+        let k = Intrinsics { fx: k.fx * factor, fy: k.fy * factor, ..*k };
+        let of_solution = attitudes_under(&k, pairs, &used, solution, frame);
+        let attitudes: Vec<Matrix3<f64>> = groups.attitudes.iter().map(|&a| of_solution[a]).collect();
+        let camera = starting_camera(&k, lens, options.k2_is_held, frame);
+        state_from_links(scene, camera, &k, &attitudes, &groups.indices(), &setup.links)
+    };
+    let starts = factors.iter().filter_map(start).collect();
+    let mut joint = adjusted(scene, setup, views, starts, options, observer)?;
+    joint.attitudes.clone_from(&groups.attitudes);
+    if scene == SceneModel::Directions || solution.groups.len() < 2 {
+        return Ok(Some(joint));
+    }
+    with_cross_links(joint, pairs, &used, &groups, lens, options, observer).map(Some)
+}
+
+/// Attitudes of the groups of a solution as their circular points say under a camera matrix.
+fn attitudes_under(
+    k: &Intrinsics,
+    pairs: &[PairObservation],
+    used: &[PairId],
+    solution: &CameraSolution,
+    frame: &Frame,
+) -> Vec<Matrix3<f64>> {
+    let of = |group: &AttitudeGroup| {
+        let attitude = Attitude::of_group(group, k, frame, pairs, used);
+        attitude_rotation(attitude.pitch_down_rad, attitude.roll_rad)
+    };
+    solution.groups.iter().map(of).collect()
+}
+
+/// Refined again with the ordinary matches of views of different attitudes that see the same floor; as it was where there are
+/// none, or where they contradict the motions.
+fn with_cross_links(
+    mut joint: Joint,
+    pairs: &[PairObservation],
+    used: &[PairId],
+    groups: &ViewGroups,
+    lens: &KnownLens,
+    options: &RefinementOptions,
+    observer: &dyn Observer,
+) -> Result<Joint, Error> {
+    let (cross_links, floors) = cross_attitude_links(&joint, pairs, used);
+    joint.floors = floors;
+    if cross_links.is_empty() {
+        return Ok(joint);
+    }
+    let all: Vec<PairId> = used.iter().chain(&cross_links).copied().collect();
+    let Some(setup) = Setup::of_pairs(&all, pairs, &joint.views, lens.lens(), &options.frame) else {
+        return Ok(joint);
+    };
+    let state = &joint.bundle.state;
+    let attitudes: Vec<Matrix3<f64>> = state.groups.iter().map(|g| g.attitude).collect();
+    let start = state_from_links(
+        joint.bundle.scene,
+        state.cameras[0],
+        &joint.intrinsics,
+        &attitudes,
+        &groups.indices(),
+        &setup.links,
+    );
+    let starts = start.into_iter().collect();
+    let mut linked = match adjusted(joint.bundle.scene, setup, joint.views.clone(), starts, options, observer) {
+        Ok(linked) => linked,
+        Err(Error::Stopped) => return Err(Error::Stopped),
+        Err(_) => return Ok(joint),
+    };
+    let raised = |kind: Kind| {
+        let [before, after] = [&joint, &linked].map(|j| j.bundle.variance_factors[kind as usize]);
+        after / before
+    };
+    if raised(Kind::Patch) > MAX_LINK_VARIANCE || raised(Kind::Point) > MAX_LINK_POINT_VARIANCE {
+        return Ok(joint);
+    }
+    (linked.cross_links, linked.attitudes, linked.floors) = (cross_links, joint.attitudes, joint.floors);
+    Ok(linked)
+}
+
+/// Pairs of views of different attitudes whose homographies are of the floor that both look at.
+fn cross_attitude_links(joint: &Joint, pairs: &[PairObservation], used: &[PairId]) -> (Vec<PairId>, SharedFloors) {
+    let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
+    let state = &joint.bundle.state;
+    let candidate = |pair: &PairObservation| {
+        let [a, b] = joint.views.of_pair(pair)?.map(|view| state.frames[view.index()].group);
+        let plane = pair.moving_plane().filter(|plane| plane.inliers.len() >= MIN_LINK_MATCHES)?;
+        let m = k_inverse * plane.estimate.h_b_from_a.matrix() * k;
+        let deviation = floor_deviation(&m, [a, b].map(|group| &state.groups[group].attitude))?;
+        (a != b).then_some((pair.id, plane.inliers.len(), deviation))
+    };
+    let candidates: Vec<(PairId, usize, f64)> =
+        pairs.iter().filter(|pair| !used.contains(&pair.id)).filter_map(candidate).collect();
+    let contradict = candidates.iter().filter(|c| c.2 > CONTRADICTION).count();
+    let mut found: Vec<(PairId, usize)> =
+        candidates.iter().filter(|c| c.2 < MAX_LINK_DEVIATION).map(|c| (c.0, c.1)).collect();
+    let floors = SharedFloors { agree: found.len(), contradict };
+    found.sort_by_key(|(id, matches)| (Reverse(*matches), *id));
+    found.truncate(LINKS_PER_VIEW * joint.views.len());
+    let mut links: Vec<PairId> = found.into_iter().map(|(id, _)| id).collect();
+    links.sort_unstable();
+    (links, floors)
+}
+
+/// Refines a camera that turns on the spot from a camera matrix: every view has an attitude of its own.
+///
+/// # Errors
+/// See [`crate::refine::adjust`]; [`Error::Stopped`].
+pub(super) fn refine_turning(
+    pairs: &[PairObservation],
+    selection: &Selection,
+    k: &Intrinsics,
+    lens: &KnownLens,
+    options: &RefinementOptions,
+    observer: &dyn Observer,
+) -> Result<Joint, Error> {
+    let mut options = options.clone();
+    // There is nothing for an attitude to stray from.
+    options.bundle.attitude_sigma_rad = Some(0.0);
+    let (used, frame) = (selection.used(), &options.frame);
+    let views = Views::of_pairs(&used, pairs);
+    let failed = |detail: &str| Error::Numerical { stage: "joint refinement", detail: detail.into() };
+    let setup =
+        Setup::of_pairs(&used, pairs, &views, lens.lens(), frame).ok_or_else(|| failed("there are no matches"))?;
+    // World axes are those of the first view, which is level by definition.
+    let attitudes = rotations_from_links(attitude_rotation(0.0, 0.0), views.len(), k, &setup.links)
+        .ok_or_else(|| failed("the pairs do not connect the images"))?;
+    let groups: Vec<usize> = (0..views.len()).collect();
+    let camera = starting_camera(k, lens, options.k2_is_held, frame);
+    let start = state_from_links(SceneModel::Directions, camera, k, &attitudes, &groups, &setup.links);
+    adjusted(SceneModel::Directions, setup, views, start.into_iter().collect(), &options, observer)
+}
+
+/// Refines from starts.
+fn adjusted(
+    scene: SceneModel,
+    setup: Setup,
+    views: Views,
+    starts: Vec<State>,
+    options: &RefinementOptions,
+    observer: &dyn Observer,
+) -> Result<Joint, Error> {
+    if starts.is_empty() {
+        return Err(Error::Numerical {
+            stage: "joint refinement",
+            detail: "the homographies of the motions fit no camera".into(),
+        });
+    }
+    let bundle = adjust_until(scene, &setup.tracks, starts, &options.bundle, observer)?;
+    let [patches, points] = bundle.variance_factors;
+    if scene == SceneModel::Directions && patches.max(points) > MAX_ROTATION_VARIANCE {
+        return Err(Error::NoUsableMotion {
+            pairs: setup.links.len(),
+            reason: format!(
+                "the points lie above and below the horizon, as those far from a camera that turns on the spot do, but rotations \
+                 leave residuals {:.0} times as large as the matching noise: the camera moved, before a scene that is no floor",
+                patches.max(points).sqrt()
+            ),
+            remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
+        });
+    }
+    Ok(Joint::new(bundle, setup.tracks, views, &options.frame))
+}

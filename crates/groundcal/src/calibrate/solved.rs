@@ -1,0 +1,37 @@
+//! A camera with all that it was made from, ready to be criticised and reported.
+
+use nalgebra::SMatrix;
+
+use crate::{
+    calibrate::{joint::Joint, options::Method},
+    ids::PairId,
+    result::Warning,
+    start::{absolute_conic::Constraint, linear_camera::CameraSolution},
+};
+
+/// The answer to what was asked.
+pub(super) struct Solved {
+    /// The method that gave it: where the joint refinement failed, the linear one.
+    pub(super) method: Method,
+    /// The constraint in force.
+    pub(super) constraint: Constraint,
+    /// Camera and attitudes.
+    pub(super) solution: CameraSolution,
+    /// The joint refinement, if there was one.
+    pub(super) joint: Option<Joint>,
+    /// The pairs used, ascending; members of the solution's groups count in it.
+    pub(super) used: Vec<PairId>,
+    /// How much of the deviation of f comes from the lens.
+    pub(super) lens_share: f64,
+    /// Angles of the pairs used where they are rotations about any axes, radians.
+    pub(super) rotations_rad: Option<Vec<f64>>,
+    /// Factor on all standard deviations because given coefficients act through the focal length, where they do.
+    pub(super) amplification: Option<f64>,
+    /// Doubts met on the way.
+    pub(super) warnings: Vec<Warning>,
+}
+
+/// Part of the deviation of f that comes from what the lens adds to the covariance.
+pub(super) fn share_of(added: &SMatrix<f64, 5, 5>, covariance: &SMatrix<f64, 5, 5>) -> f64 {
+    (added[(0, 0)] / covariance[(0, 0)]).sqrt()
+}

@@ -1,0 +1,283 @@
+//! What a calibration is made from: images, images with matches, matches, or homographies. Each is checked here and enters the
+//! driver at its place.
+
+use std::collections::HashSet;
+
+use crate::{
+    calibrate::{options::Options, stage_options::SourceTraits},
+    error::Error,
+    geometry::{frame::Frame, size::ImageSize},
+    ids::PairId,
+    observer::{Observer, Stage},
+    pairs::{
+        correspondence::{ImagePair, validated},
+        observation::PairObservation,
+        refine::HomographyEstimate,
+    },
+    result::Warning,
+    vision::{
+        features::{detect_until, match_features_until},
+        image::GrayImage,
+    },
+};
+
+/// A homography from elsewhere between two images, by their indices.
+pub(super) type GivenHomography = (usize, usize, HomographyEstimate);
+
+/// Fewest matches on a plane where nothing is said: of features, and of matches given.
+const MIN_FEATURES_ON_PLANE: usize = 15;
+const MIN_MATCHES_ON_PLANE: usize = 6;
+/// Neighbours that an image of many is compared with.
+const NEIGHBOURS: usize = 3;
+
+/// What the driver is given.
+pub(super) struct Source<'a> {
+    /// A name for each image index.
+    pub(super) names: &'a [String],
+    /// The images, where there are any.
+    pub(super) images: Option<&'a [GrayImage]>,
+    /// What is known of each pair.
+    pub(super) pairs: GivenPairs,
+    /// What it decides of the options.
+    pub(super) traits: SourceTraits,
+    /// Doubts about it.
+    pub(super) warnings: Vec<Warning>,
+}
+
+/// Where pairs enter.
+pub(super) enum GivenPairs {
+    /// Matches, checked.
+    Matches(Vec<ImagePair>),
+    /// Planes fitted elsewhere.
+    Planes(Vec<PairObservation>),
+}
+
+/// Images alone: features and their matches.
+///
+/// # Errors
+/// See [`Error`].
+pub(super) fn from_images<'a>(
+    names: &'a [String],
+    images: &'a [GrayImage],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Source<'a>, Error> {
+    let size = one_size(names, images)?;
+    options.validate(size)?;
+    let mut warnings = Vec::new();
+    let pairs = candidate_pairs(images.len(), options)?;
+    if options.pairs.is_none() && images.len() > options.all_pairs_limit {
+        warnings.push(Warning::NeighboursOnly { images: images.len() });
+    }
+    warnings.extend(duplicates(names, images));
+    let features = observer.map(Stage::Features, images, |image| detect_until(image, &options.features, observer))?;
+    let matched = observer.map(Stage::Matching, &pairs, |&(from, to)| {
+        let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
+        Ok(ImagePair { from, to, matches })
+    })?;
+    of_images(names, images, matched, options, warnings)
+}
+
+/// Images with matches between them.
+///
+/// # Errors
+/// See [`Error`].
+pub(super) fn from_matched_images<'a>(
+    names: &'a [String],
+    images: &'a [GrayImage],
+    pairs: &[ImagePair],
+    options: &Options,
+) -> Result<Source<'a>, Error> {
+    let size = one_size(names, images)?;
+    options.validate(size)?;
+    let named = named_pairs(names, pairs, options)?;
+    of_images(names, images, named, options, duplicates(names, images))
+}
+
+/// Matches without images.
+///
+/// # Errors
+/// See [`Error`].
+pub(super) fn from_matches<'a>(
+    names: &'a [String],
+    size: ImageSize,
+    pairs: &[ImagePair],
+    options: &Options,
+) -> Result<Source<'a>, Error> {
+    check_size(size)?;
+    options.validate(size)?;
+    if names.len() < 2 {
+        return Err(Error::TooFewImages { found: names.len() });
+    }
+    let pairs = named_pairs(names, pairs, options)?;
+    let traits = SourceTraits { size, min_plane_matches: MIN_MATCHES_ON_PLANE, has_images: false, has_matches: true };
+    let pairs = GivenPairs::Matches(checked(names, pairs, size)?);
+    Ok(Source { names, images: None, pairs, traits, warnings: Vec::new() })
+}
+
+/// Homographies, all of them motions.
+///
+/// # Errors
+/// See [`Error`].
+pub(super) fn from_homographies<'a>(
+    names: &'a [String],
+    size: ImageSize,
+    homographies: &[GivenHomography],
+    options: &Options,
+) -> Result<Source<'a>, Error> {
+    check_size(size)?;
+    options.validate(size)?;
+    if !options.distortion.is_none() {
+        return Err(Error::InvalidOption("a lens distortion cannot be undone in homographies".into()));
+    }
+    if homographies.is_empty() {
+        return Err(Error::InvalidInput("no homographies at all".into()));
+    }
+    let frame = Frame::new(size, options.principal_point_px);
+    let observation = |(i, (from, to, estimate)): (usize, &GivenHomography)| {
+        if *from >= names.len() || *to >= names.len() || from == to {
+            return Err(Error::InvalidInput(format!("homography {i} from {from} to {to} of {} images", names.len())));
+        }
+        if !estimate.covariance.iter().all(|v| v.is_finite()) {
+            return Err(Error::InvalidInput(format!("homography {i} has a covariance that is not finite")));
+        }
+        if estimate.frame != frame {
+            return Err(Error::InvalidInput(format!(
+                "homography {i} has its covariance in a frame of another image size or principal point"
+            )));
+        }
+        Ok(PairObservation::of_homography(PairId::new(i), [(*from).into(), (*to).into()], estimate.clone()))
+    };
+    let pairs = homographies.iter().enumerate().map(observation).collect::<Result<_, _>>()?;
+    let traits = SourceTraits { size, min_plane_matches: 0, has_images: false, has_matches: false };
+    Ok(Source { names, images: None, pairs: GivenPairs::Planes(pairs), traits, warnings: Vec::new() })
+}
+
+fn of_images<'a>(
+    names: &'a [String],
+    images: &'a [GrayImage],
+    matched: Vec<ImagePair>,
+    options: &Options,
+    warnings: Vec<Warning>,
+) -> Result<Source<'a>, Error> {
+    let needed = options.min_plane_matches.unwrap_or(MIN_FEATURES_ON_PLANE);
+    if let [only] = matched.as_slice()
+        && only.matches.len() < 4
+    {
+        return Err(Error::NoCommonPlane { pairs: 1, best: only.matches.len(), needed });
+    }
+    let size = images[0].size();
+    let traits = SourceTraits { size, min_plane_matches: MIN_FEATURES_ON_PLANE, has_images: true, has_matches: true };
+    let pairs = GivenPairs::Matches(checked(names, matched, size)?);
+    Ok(Source { names, images: Some(images), pairs, traits, warnings })
+}
+
+/// The one size of the images.
+fn one_size(names: &[String], images: &[GrayImage]) -> Result<ImageSize, Error> {
+    if names.len() != images.len() {
+        return Err(Error::InvalidInput(format!("{} names for {} images", names.len(), images.len())));
+    }
+    if images.len() < 2 {
+        return Err(Error::TooFewImages { found: images.len() });
+    }
+    let size = images[0].size();
+    if size.width < 2 || size.height < 2 {
+        return Err(Error::InvalidInput(format!("{} is {size} pixels: nothing can be seen in it", names[0])));
+    }
+    if let Some(other) = images.iter().position(|i| i.size() != size) {
+        return Err(Error::InvalidInput(format!(
+            "{} is {} pixels, {} is {size}: all images must come from one camera at one size",
+            names[other],
+            images[other].size(),
+            names[0],
+        )));
+    }
+    Ok(size)
+}
+
+fn check_size(size: ImageSize) -> Result<(), Error> {
+    if size.width < 2 || size.height < 2 {
+        return Err(Error::InvalidInput(format!("an image size of {size} pixels")));
+    }
+    Ok(())
+}
+
+fn duplicates(names: &[String], images: &[GrayImage]) -> Vec<Warning> {
+    let first_like = |j: usize| (0..j).find(|&i| images[i] == images[j]);
+    let warning = |j: usize| {
+        let i = first_like(j)?;
+        Some(Warning::DuplicateImages { first: names[i].clone(), second: names[j].clone() })
+    };
+    (1..images.len()).filter_map(warning).collect()
+}
+
+/// The pairs of images to be compared: those named, all of few images, neighbours of many.
+fn candidate_pairs(images: usize, options: &Options) -> Result<Vec<(usize, usize)>, Error> {
+    if let Some(pairs) = &options.pairs {
+        if pairs.is_empty() {
+            return Err(Error::InvalidOption("the list of pairs is empty".into()));
+        }
+        let mut known = HashSet::new();
+        for &(a, b) in pairs {
+            if a >= images || b >= images || a == b {
+                return Err(Error::InvalidOption(format!("pair ({a}, {b}) does not name two of the {images} images")));
+            }
+            if !known.insert((a.min(b), a.max(b))) {
+                return Err(Error::InvalidOption(format!("pair ({a}, {b}) is given twice")));
+            }
+        }
+        return Ok(pairs.clone());
+    }
+    let all = images <= options.all_pairs_limit;
+    let reach = if all { images } else { NEIGHBOURS };
+    let mut pairs: Vec<(usize, usize)> =
+        (0..images).flat_map(|a| (a + 1..images.min(a + 1 + reach)).map(move |b| (a, b))).collect();
+    if !all {
+        // A closed turn ends where it began.
+        pairs.push((0, images - 1));
+    }
+    Ok(pairs)
+}
+
+/// Of given pairs those that the options name, or all.
+fn named_pairs(names: &[String], pairs: &[ImagePair], options: &Options) -> Result<Vec<ImagePair>, Error> {
+    let index_ok = |p: &ImagePair| p.from < names.len() && p.to < names.len() && p.from != p.to;
+    if let Some(bad) = pairs.iter().find(|p| !index_ok(p)) {
+        return Err(Error::InvalidInput(format!("a pair ({}, {}) of {} images", bad.from, bad.to, names.len())));
+    }
+    let named: Vec<ImagePair> = match &options.pairs {
+        None => pairs.to_vec(),
+        Some(wanted) => {
+            let find = |&(a, b): &(usize, usize)| {
+                let is = |p: &&ImagePair| (p.from, p.to) == (a, b) || (p.from, p.to) == (b, a);
+                pairs.iter().find(is).cloned().ok_or_else(|| {
+                    let name = |i: usize| names.get(i).map_or("?", String::as_str);
+                    Error::InvalidInput(format!("no matches between {} and {}, which the pairs name", name(a), name(b)))
+                })
+            };
+            wanted.iter().map(find).collect::<Result<_, _>>()?
+        }
+    };
+    if named.is_empty() {
+        return Err(Error::InvalidInput("no matches at all".into()));
+    }
+    Ok(named)
+}
+
+/// The pairs with their matches checked and without repetitions.
+fn checked(names: &[String], pairs: Vec<ImagePair>, size: ImageSize) -> Result<Vec<ImagePair>, Error> {
+    let given = pairs.first().map_or(0, |pair| pair.matches.len());
+    let different = |pair: ImagePair| Ok(ImagePair { matches: validated(&pair.matches, size)?, ..pair });
+    let pairs = pairs.into_iter().map(different).collect::<Result<Vec<_>, Error>>()?;
+    if let [only] = pairs.as_slice()
+        && only.matches.len() < 4
+    {
+        return Err(Error::TooFewMatches {
+            from: names[only.from].clone(),
+            to: names[only.to].clone(),
+            given,
+            found: only.matches.len(),
+        });
+    }
+    Ok(pairs)
+}

@@ -1,0 +1,106 @@
+//! The options of every stage, made once from those of the calibration.
+
+use crate::{
+    calibrate::options::{LensModel, Options},
+    geometry::{frame::Frame, size::ImageSize},
+    pairs::{known_lens::LensOptions, observe::ObserveOptions, patch::PatchStageOptions},
+    select::{plane_normal::PlaneNormalOptions, rotations::RotationOptions},
+    start::{
+        absolute_conic::Constraint,
+        linear_camera::CameraOptions,
+        rotating_camera::{RotatingOptions, Weighting},
+    },
+};
+
+/// What each stage is told.
+pub(super) struct StageOptions<'a> {
+    /// What the user said.
+    pub(super) options: &'a Options,
+    /// Size of the images.
+    pub(super) size: ImageSize,
+    /// Frame of the estimation.
+    pub(super) frame: Frame,
+    /// Homographies of pairs.
+    pub(super) observe: ObserveOptions,
+    /// Finding the lens; `None`: it is given, taken to be none, or there are no matches to find it from.
+    pub(super) lens: Option<LensOptions>,
+    /// Which pairs are plane-normal motions.
+    pub(super) plane_normal: PlaneNormalOptions,
+    /// Which pairs are rotations on the spot.
+    pub(super) rotations: RotationOptions,
+    /// Matching the floor of the motions again; `None`: as it is.
+    pub(super) patches: Option<PatchStageOptions>,
+    /// The closed-form camera of plane-normal motions.
+    pub(super) camera: CameraOptions,
+    /// The closed-form camera of rotations.
+    pub(super) rotating: RotatingOptions,
+}
+
+/// What a source of a calibration decides of the options.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SourceTraits {
+    /// Size of the images.
+    pub(super) size: ImageSize,
+    /// Fewest matches on a plane where the options do not say.
+    pub(super) min_plane_matches: usize,
+    /// Matches are features of images, which are there to be matched again.
+    pub(super) has_images: bool,
+    /// There are matches, not homographies alone.
+    pub(super) has_matches: bool,
+}
+
+impl<'a> StageOptions<'a> {
+    pub(super) fn new(options: &'a Options, source: &SourceTraits) -> Self {
+        let size = source.size;
+        let frame = Frame::new(size, options.principal_point_px);
+        let min_matches =
+            if source.has_matches { options.min_plane_matches.unwrap_or(source.min_plane_matches) } else { 0 };
+        let aspect = options.aspect.unwrap_or(1.0);
+        let middling_camera = options.middling_camera(size);
+        let named = options.pairs.is_some();
+        let observe = ObserveOptions {
+            frame,
+            middling_camera,
+            min_matches,
+            from_elsewhere: !source.has_images,
+            robust: options.robust,
+            seed: options.seed,
+        };
+        let with_k2 = options.lens != LensModel::K1;
+        let lens = LensOptions { size, frame, middling_camera, with_k2 };
+        Self {
+            options,
+            size,
+            frame,
+            observe,
+            lens: (source.has_matches && options.lens_is_unknown()).then_some(lens),
+            plane_normal: PlaneNormalOptions {
+                size,
+                frame,
+                aspect,
+                attitude_sigma_deg: options.attitude_sigma_deg,
+                // Homographies are given as motions.
+                trusted: named || !source.has_matches,
+                min_matches,
+            },
+            rotations: RotationOptions {
+                size,
+                principal_point_px: options.assumed_principal_point(size),
+                aspect,
+                trusted: named,
+                min_matches,
+            },
+            patches: (source.has_images && options.match_patches)
+                .then_some(PatchStageOptions { patches: options.patches, observe }),
+            camera: options.camera(size),
+            rotating: RotatingOptions {
+                constraint: match options.constraint {
+                    Constraint::Auto => Constraint::ZeroSkew,
+                    other => other,
+                },
+                aspect,
+                weighting: Weighting::Covariance,
+            },
+        }
+    }
+}

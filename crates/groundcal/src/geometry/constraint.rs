@@ -1,0 +1,94 @@
+//! What may be assumed of a camera matrix.
+
+use serde::{Deserialize, Serialize};
+
+/// What is assumed of the camera matrix (KZR 1.1).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+pub enum Constraint {
+    /// Zero skew, and priors instead of hard choices for aspect ratio and principal point.
+    #[default]
+    #[serde(rename = "auto")]
+    Auto,
+    /// All five parameters free: three attitudes.
+    #[serde(rename = "full")]
+    Full,
+    /// ω12 = 0: two attitudes.
+    #[serde(rename = "zero-skew")]
+    ZeroSkew,
+    /// Zero skew and known aspect ratio: two attitudes.
+    #[serde(rename = "square")]
+    Square,
+    /// Zero skew and known principal point: one attitude.
+    #[serde(rename = "fixed-pp")]
+    FixedPrincipalPoint,
+    /// Zero skew, known aspect ratio and principal point: one attitude.
+    #[serde(rename = "focal")]
+    Focal,
+}
+
+impl Constraint {
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Constraint::Auto => "auto",
+            Constraint::Full => "full",
+            Constraint::ZeroSkew => "zero-skew",
+            Constraint::Square => "square",
+            Constraint::FixedPrincipalPoint => "fixed-pp",
+            Constraint::Focal => "focal",
+        }
+    }
+
+    /// All of them.
+    pub const ALL: [Constraint; 6] = [
+        Constraint::Auto,
+        Constraint::Full,
+        Constraint::ZeroSkew,
+        Constraint::Square,
+        Constraint::FixedPrincipalPoint,
+        Constraint::Focal,
+    ];
+
+    /// Which of (ln fx, ln fy/fx, cx, cy, skew) are free.
+    pub fn free(self) -> [bool; 5] {
+        match self {
+            Constraint::Auto | Constraint::ZeroSkew => [true, true, true, true, false],
+            Constraint::Full => [true; 5],
+            Constraint::Square => [true, false, true, true, false],
+            Constraint::FixedPrincipalPoint => [true, true, false, false, false],
+            Constraint::Focal => [true, false, false, false, false],
+        }
+    }
+
+    /// Number of unknowns.
+    pub fn unknowns(self) -> usize {
+        self.free().iter().filter(|f| **f).count()
+    }
+
+    /// Different attitudes needed.
+    pub fn attitudes_needed(self) -> usize {
+        match self {
+            Constraint::Full => 3,
+            Constraint::ZeroSkew | Constraint::Square => 2,
+            Constraint::Auto | Constraint::FixedPrincipalPoint | Constraint::Focal => 1,
+        }
+    }
+}
+
+impl std::fmt::Display for Constraint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_and_command_line_use_the_same_names() {
+        for c in Constraint::ALL {
+            assert_eq!(serde_json::to_string(&c).unwrap(), format!("\"{}\"", c.name()));
+        }
+    }
+}

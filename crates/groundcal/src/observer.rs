@@ -1,0 +1,69 @@
+//! Who follows the work, and may stop it.
+//!
+//! Every loop that may take longer than a few hundredths of a second asks [`Observer::stopped`]; the work then ends with
+//! [`Error::Stopped`].
+
+use rayon::prelude::*;
+
+use crate::error::Error;
+
+/// A step of the work, for progress displays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Features of each image.
+    Features,
+    /// Matches of each pair.
+    Matching,
+    /// Homography of each pair.
+    Homographies,
+    /// Least squares matching of the floor of each motion.
+    Patches,
+    /// Consistent motions and camera.
+    Camera,
+}
+
+/// Hears of the progress and may stop the work; all calls may come from any thread.
+pub trait Observer: Sync {
+    /// A stage of `total` items begins.
+    fn begin(&self, stage: Stage, total: usize) {
+        let _ = (stage, total);
+    }
+    /// One item of the stage is done.
+    fn advance(&self, stage: Stage) {
+        let _ = stage;
+    }
+    /// Whether the work is to stop. Asked often: an answer should take no longer than reading a flag.
+    fn stopped(&self) -> bool {
+        false
+    }
+}
+
+/// An observer that does not listen.
+pub struct Silent;
+impl Observer for Silent {}
+
+impl dyn Observer + '_ {
+    /// An error when the work is to stop.
+    pub(crate) fn go_on(&self) -> Result<(), Error> {
+        if self.stopped() { Err(Error::Stopped) } else { Ok(()) }
+    }
+
+    /// The outputs of a stage for its items, in their order, made in parallel.
+    pub(crate) fn map<I: Sync, O: Send>(
+        &self,
+        stage: Stage,
+        items: &[I],
+        work: impl Fn(&I) -> Result<O, Error> + Sync,
+    ) -> Result<Vec<O>, Error> {
+        self.begin(stage, items.len());
+        items
+            .par_iter()
+            .map(|item| {
+                self.go_on()?;
+                let output = work(item)?;
+                self.advance(stage);
+                Ok(output)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,227 @@
+//! What is known of the lens, and finding it from the planes of pairs: first from the best supported planes of any pairs, later
+//! from the pairs that turned out to be motions.
+
+use nalgebra::Vector2;
+
+use crate::{
+    error::Error,
+    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    ids::PairId,
+    observer::Observer,
+    pairs::{
+        correspondence::{ImagePair, PointMatch},
+        observation::PairObservation,
+        observe::{ObserveOptions, observe, observe_anew},
+        plane_lens::{Lens, LensEstimate, LensPrior, estimate_lens_until},
+    },
+};
+
+/// Priors of k1 and k2, lenses from wide to long.
+pub(crate) const K1_SIGMA: f64 = 0.3;
+pub(crate) const K2_SIGMA: f64 = 0.3;
+/// Centre of distortion: deviation from the assumed principal point, as a fraction of the width, before it is known better.
+const CENTRE_SIGMA: f64 = 0.05;
+/// Pairs and matches of a pair that tell of the lens before the motions are known.
+const MAX_PAIRS: usize = 24;
+const MIN_INLIERS: usize = 40;
+/// Squared distance of (k1, k2) from zero beyond which they are kept: 99.9 % of chi-squared with two degrees of freedom.
+const SIGNIFICANT: f64 = 13.8;
+/// Deviation of a k2 that is held at zero, but for rounding.
+const HELD_SIGMA: f64 = 1e-6;
+/// Times that homographies and lens are found in turn before motions are chosen.
+const ROUNDS: usize = 2;
+
+/// Options of [`find_lens`] and [`lens_of_motions`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LensOptions {
+    /// Size of the images.
+    pub(crate) size: ImageSize,
+    /// Frame of the homographies.
+    pub(crate) frame: Frame,
+    /// Camera through which the coefficients act.
+    pub(crate) middling_camera: Intrinsics,
+    /// Whether k2 is estimated beside k1.
+    pub(crate) with_k2: bool,
+}
+
+/// What is known of the lens.
+#[derive(Debug, Clone)]
+pub(crate) enum KnownLens {
+    /// Taken to have no distortion.
+    NotModelled,
+    /// Coefficients given, and the camera they act through.
+    Given(Lens),
+    /// Estimated, or found to be none.
+    Estimated(LensFinding),
+}
+
+impl KnownLens {
+    /// The lens that was undone in the homographies.
+    pub(crate) fn lens(&self) -> Option<&Lens> {
+        match self {
+            KnownLens::NotModelled => None,
+            KnownLens::Given(lens) => Some(lens),
+            KnownLens::Estimated(finding) => finding.lens(),
+        }
+    }
+
+    /// Whether it is among what is estimated.
+    pub(crate) fn is_estimated(&self) -> bool {
+        matches!(self, KnownLens::Estimated(_))
+    }
+}
+
+impl From<Option<LensFinding>> for KnownLens {
+    fn from(finding: Option<LensFinding>) -> Self {
+        finding.map_or(KnownLens::NotModelled, KnownLens::Estimated)
+    }
+}
+
+/// The lens as far as planes tell it.
+#[derive(Debug, Clone)]
+pub(crate) struct LensFinding {
+    pub(crate) estimate: LensEstimate,
+    /// Whether the coefficients differ from zero.
+    pub(crate) significant: bool,
+}
+
+impl LensFinding {
+    fn new(estimate: LensEstimate) -> Self {
+        let d = &estimate.lens.distortion;
+        let k = Vector2::new(d.k1, d.k2);
+        let block = estimate.covariance.fixed_view::<2, 2>(0, 0).into_owned();
+        let distance = block.try_inverse().map_or(0.0, |i| (k.transpose() * i * k)[(0, 0)]);
+        Self { estimate, significant: distance > SIGNIFICANT }
+    }
+
+    /// The lens to be undone: none where its coefficients are not told from zero.
+    pub(crate) fn lens(&self) -> Option<&Lens> {
+        self.significant.then_some(&self.estimate.lens)
+    }
+
+    /// The lens about which the covariance holds.
+    pub(crate) fn reference(&self) -> Lens {
+        let mut lens = self.estimate.lens;
+        if !self.significant {
+            lens.distortion = Distortion::default();
+        }
+        lens
+    }
+
+    /// Standard deviations of k1 and k2 for the camera's focal length (the estimate has a middling one).
+    pub(crate) fn sigmas(&self, k: &Intrinsics) -> [f64; 2] {
+        let ratio = k.fx / self.estimate.lens.intrinsics.fx;
+        let sigma = |i: usize| self.estimate.covariance[(i, i)].sqrt();
+        [sigma(0) * ratio.powi(2), sigma(1) * ratio.powi(4)]
+    }
+}
+
+/// Where the centre of distortion is thought to be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct DistortionCentre {
+    pub(crate) px: [f64; 2],
+    /// Its standard deviation as a fraction of the width.
+    pub(crate) sigma: f64,
+}
+
+impl LensOptions {
+    /// Where nothing is known of the camera yet.
+    pub(crate) fn assumed_centre(&self) -> DistortionCentre {
+        let k = &self.middling_camera;
+        DistortionCentre { px: [k.cx, k.cy], sigma: CENTRE_SIGMA }
+    }
+}
+
+/// What every pair shows, and the lens undone in it, from the planes' own residuals. `None`: no plane tells of it.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn find_lens(
+    pairs: Vec<ImagePair>,
+    options: &LensOptions,
+    observe_options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<(Vec<PairObservation>, Option<LensFinding>), Error> {
+    let mut pairs = observe(pairs, None, observe_options, observer)?;
+    let mut finding: Option<LensFinding> = None;
+    for _ in 0..ROUNDS {
+        let Some(next) = lens_of_planes(&pairs, finding.as_ref(), options, observer)? else { break };
+        let significant = next.significant;
+        if significant {
+            pairs = observe_anew(pairs, next.lens(), observe_options, observer)?;
+        }
+        finding = Some(next);
+        if !significant {
+            break;
+        }
+    }
+    Ok((pairs, finding))
+}
+
+/// From the best supported planes of any pairs.
+fn lens_of_planes(
+    pairs: &[PairObservation],
+    before: Option<&LensFinding>,
+    options: &LensOptions,
+    observer: &dyn Observer,
+) -> Result<Option<LensFinding>, Error> {
+    let supported = |pair: &'_ PairObservation| {
+        let inliers = pair.moving_plane().map_or(0, |plane| plane.inliers.len());
+        (inliers >= MIN_INLIERS).then_some((pair.id, inliers))
+    };
+    let mut best: Vec<(PairId, usize)> = pairs.iter().filter_map(supported).collect();
+    best.sort_by_key(|(id, inliers)| (std::cmp::Reverse(*inliers), *id));
+    best.truncate(MAX_PAIRS);
+    let best: Vec<PairId> = best.into_iter().map(|(id, _)| id).collect();
+    lens_of(pairs, &best, options.assumed_centre(), before, options, observer)
+}
+
+/// From the pairs `used`, about a centre of distortion.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn lens_of_motions(
+    pairs: &[PairObservation],
+    used: &[PairId],
+    centre: DistortionCentre,
+    before: Option<&LensFinding>,
+    options: &LensOptions,
+    observer: &dyn Observer,
+) -> Result<Option<LensFinding>, Error> {
+    // All pairs of many views repeat each other.
+    let stride = used.len().div_ceil(MAX_PAIRS);
+    let some = used.iter().step_by(stride.max(1)).filter(|&&id| pairs[id].outcome.is_ok());
+    lens_of(pairs, &some.copied().collect::<Vec<_>>(), centre, before, options, observer)
+}
+
+fn lens_of(
+    pairs: &[PairObservation],
+    some: &[PairId],
+    centre: DistortionCentre,
+    before: Option<&LensFinding>,
+    options: &LensOptions,
+    observer: &dyn Observer,
+) -> Result<Option<LensFinding>, Error> {
+    let on_plane = |id: &PairId| -> Option<Vec<PointMatch>> {
+        let pair = &pairs[*id];
+        Some(pair.plane()?.inliers.iter().map(|&k| pair.matches[k]).collect())
+    };
+    let matches: Vec<Vec<PointMatch>> = some.iter().filter_map(on_plane).collect();
+    let slices: Vec<&[PointMatch]> = matches.iter().map(Vec::as_slice).collect();
+    if slices.is_empty() {
+        return Ok(None);
+    }
+    let [cx, cy] = centre.px;
+    let start = Lens {
+        distortion: before.map_or(Distortion::default(), |b| b.estimate.lens.distortion),
+        intrinsics: Intrinsics { cx, cy, ..options.middling_camera },
+    };
+    let prior = LensPrior {
+        k1_sigma: K1_SIGMA,
+        k2_sigma: if options.with_k2 { K2_SIGMA } else { HELD_SIGMA },
+        centre_sigma: centre.sigma * options.size.width as f64 / start.intrinsics.fx,
+    };
+    let found = estimate_lens_until(&slices, &options.frame, &start, &prior, observer);
+    observer.go_on()?;
+    Ok(found.map(LensFinding::new))
+}

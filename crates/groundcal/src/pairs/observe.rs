@@ -1,0 +1,271 @@
+//! From the matches of pairs to what each pair shows: a homography and the motion in it, or the reason why not.
+
+use nalgebra::{Vector2, Vector4};
+use rayon::prelude::*;
+
+use crate::{
+    error::Error,
+    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    ids::PairId,
+    numerics::linalg::complex_pair_eigen,
+    observer::{Observer, Stage},
+    pairs::{
+        circular_points::CircularPoint,
+        correspondence::{ImagePair, PointMatch},
+        observation::{PairObservation, Refusal, RefusalKind, TurningPlane, turning_plane},
+        plane_lens::Lens,
+        refine::{HomographyEstimate, RefineOptions, refine, refine_until, spread_ratio},
+        robust::{RobustHomography, RobustOptions, estimate_robust_until},
+    },
+};
+
+/// Options of [`observe`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ObserveOptions {
+    /// Frame of the homographies.
+    pub(crate) frame: Frame,
+    /// Through which a radial distortion is thought to act before the camera is known: a middling focal length.
+    pub(crate) middling_camera: Intrinsics,
+    /// Fewest matches on a plane.
+    pub(crate) min_matches: usize,
+    /// Matches come from elsewhere and may be coarser than those of features.
+    pub(crate) from_elsewhere: bool,
+    /// Robust homographies.
+    pub(crate) robust: RobustOptions,
+    /// Seed of the random samples.
+    pub(crate) seed: u64,
+}
+
+/// Largest noise of a patch match in units of its predicted deviation.
+const MAX_PATCH_NOISE: f64 = 6.0;
+/// Fraction of the largest noise thought possible from which on more is allowed for given matches, and where that ends.
+const NEAR_LIMIT: f64 = 0.6;
+const COARSEST_PX: f64 = 16.0;
+/// Where no model takes any point to.
+const OUT_OF_REACH_PX: f64 = 1e7;
+/// Width over length below which points count as lying on a line.
+const ON_A_LINE: f64 = 0.01;
+
+type Outcome = Result<TurningPlane, Refusal>;
+
+/// What every pair shows, the distortion of a lens undone.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other: a pair that shows nothing says why.
+pub(crate) fn observe(
+    pairs: Vec<ImagePair>,
+    lens: Option<&Lens>,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<PairObservation>, Error> {
+    let outcomes =
+        observer.map(Stage::Homographies, &pairs, |pair| outcome_of_matches(pair, lens, options, observer))?;
+    let observed = pairs.into_iter().zip(outcomes).enumerate();
+    Ok(observed.map(|(i, (pair, outcome))| PairObservation::new(PairId::new(i), pair, outcome)).collect())
+}
+
+/// The same pairs looked at afresh under another lens.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn observe_anew(
+    pairs: Vec<PairObservation>,
+    lens: Option<&Lens>,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<PairObservation>, Error> {
+    observe(pairs.into_iter().map(PairObservation::into_pair).collect(), lens, options, observer)
+}
+
+/// One pair looked at again under another lens: patches stay patches, and a background set aside stays so.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn observe_again(
+    before: &PairObservation,
+    lens: Option<&Lens>,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<PairObservation, Error> {
+    let pair = ImagePair { from: before.from.index(), to: before.to.index(), matches: before.matches.clone() };
+    let patches = before.outcome.as_ref().is_ok_and(|turning| turning.plane.patches);
+    let mut outcome = if patches {
+        outcome_of_patches(&pair, lens, options, observer)?
+    } else {
+        outcome_of_matches(&pair, lens, options, observer)?
+    };
+    if let (Ok(new), Ok(old)) = (&mut outcome, &before.outcome) {
+        (new.plane.patches, new.plane.static_background) = (old.plane.patches, old.plane.static_background);
+    }
+    let superseded = before.superseded.clone();
+    Ok(PairObservation { candidates: before.candidates, superseded, ..PairObservation::new(before.id, pair, outcome) })
+}
+
+/// The homography of matches found to be on a pair's plane, the distortion of a lens undone.
+pub(crate) fn refit(
+    pair: &PairObservation,
+    plane: &RobustHomography,
+    lens: &Lens,
+    frame: &Frame,
+) -> Option<HomographyEstimate> {
+    let ideal: Vec<PointMatch> = plane.inliers.iter().filter_map(|&k| lens.ideal_match(&pair.matches[k])).collect();
+    refine(&ideal, None, frame, &RefineOptions::default()).ok()
+}
+
+/// The homographies of all pairs from the matches found to be on their planes, the distortion of a lens undone.
+pub(crate) fn refit_all(
+    pairs: Vec<PairObservation>,
+    lens: &Lens,
+    frame: &Frame,
+    observer: &dyn Observer,
+) -> Result<Vec<PairObservation>, Error> {
+    let refitted = |mut pair: PairObservation| {
+        observer.go_on()?;
+        if let Ok(turning) = &pair.outcome {
+            let mut plane = turning.plane.clone();
+            let by_k1 = turning.geometry.circular_point.by_k1;
+            if let Some(estimate) = refit(&pair, &plane, lens, frame) {
+                plane.estimate = estimate;
+            }
+            pair.outcome = turning_plane(plane).map(|mut turning| {
+                turning.geometry.circular_point.by_k1 = by_k1;
+                turning
+            });
+        }
+        Ok(pair)
+    };
+    pairs.into_par_iter().map(refitted).collect()
+}
+
+/// From features, or from points given.
+fn outcome_of_matches(
+    pair: &ImagePair,
+    lens: Option<&Lens>,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<Outcome, Error> {
+    let mut robust = options.robust;
+    let mut outcome = outcome_with(pair, lens, robust, options, observer)?;
+    // Matches from elsewhere may be coarser than those of features: where the noise comes near what was thought possible, it
+    // is cut off by that, and more is allowed.
+    while options.from_elsewhere && robust.max_sigma_px < COARSEST_PX {
+        let plane = match &outcome {
+            Ok(turning) => Some(&turning.plane),
+            Err(refusal) => refusal.plane.as_deref(),
+        };
+        if plane.map_or(0.0, |plane| plane.estimate.sigma_px) < NEAR_LIMIT * robust.max_sigma_px {
+            break;
+        }
+        robust.max_sigma_px *= 2.0;
+        outcome = outcome_with(pair, lens, robust, options, observer)?;
+    }
+    Ok(outcome)
+}
+
+/// From patches, which carry their own deviation: noise is in units of it.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn outcome_of_patches(
+    pair: &ImagePair,
+    lens: Option<&Lens>,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<Outcome, Error> {
+    let robust = RobustOptions { max_sigma_px: MAX_PATCH_NOISE, static_px: 0.0, ..options.robust };
+    outcome_with(pair, lens, robust, options, observer)
+}
+
+fn outcome_with(
+    pair: &ImagePair,
+    lens: Option<&Lens>,
+    mut robust: RobustOptions,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<Outcome, Error> {
+    let (candidates, min_matches) = (pair.matches.len(), options.min_matches);
+    if candidates < min_matches.max(4) {
+        let reason = format!("{candidates} matches only ({} needed)", min_matches.max(4));
+        return Ok(Err(Refusal::new(RefusalKind::NoPlane, reason, None)));
+    }
+    // Indices into the pair's matches are kept; a match that has no ideal point is moved out of every model's reach.
+    let ideal: Vec<PointMatch> = match lens {
+        None => pair.matches.clone(),
+        Some(lens) => pair
+            .matches
+            .iter()
+            .map(|m| lens.ideal_match(m).unwrap_or(PointMatch { b: Vector2::repeat(OUT_OF_REACH_PX), ..*m }))
+            .collect(),
+    };
+    robust.min_inliers = min_matches.max(6);
+    robust.ransac.seed = options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
+    let found = match estimate_robust_until(&ideal, &options.frame, &robust, observer) {
+        Ok(found) => found,
+        Err(Error::Stopped) => return Err(Error::Stopped),
+        Err(error) => return Ok(Err(no_plane(&ideal, error))),
+    };
+    let on_plane: Vec<PointMatch> = found.inliers.iter().map(|&k| ideal[k]).collect();
+    if let Some(refusal) = refused(&found, &ideal, spread_ratio(&on_plane), min_matches) {
+        return Ok(Err(Refusal { plane: Some(Box::new(found)), ..refusal }));
+    }
+    let mut outcome = turning_plane(found);
+    if let Ok(TurningPlane { plane, geometry }) = &mut outcome {
+        let point = &geometry.circular_point;
+        geometry.circular_point.by_k1 = shift_by_k1(&on_plane, plane, point, options, observer);
+    }
+    observer.go_on()?;
+    Ok(outcome)
+}
+
+/// Matches among which no plane was found.
+fn no_plane(ideal: &[PointMatch], error: Error) -> Refusal {
+    let candidates = ideal.len();
+    if spread_ratio(ideal) < ON_A_LINE {
+        let reason = format!("the {candidates} matches lie on a line");
+        return Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) };
+    }
+    Refusal::new(RefusalKind::NoPlane, format!("no common plane: none of {candidates} matches agree on one"), None)
+}
+
+/// What is wrong with a plane found, whose matches spread by this ratio of width to length.
+fn refused(found: &RobustHomography, ideal: &[PointMatch], spread: f64, min_matches: usize) -> Option<Refusal> {
+    let (agreeing, candidates) = (found.inliers.len(), ideal.len());
+    if spread < ON_A_LINE {
+        let reason = format!("the {agreeing} matches that agree lie on a line");
+        let error = Error::DegeneratePoints { count: agreeing, spread_ratio: spread_ratio(ideal) };
+        return Some(Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) });
+    }
+    if agreeing < min_matches {
+        let reason = format!("no common plane: {agreeing} of {candidates} matches agree on one ({min_matches} needed)");
+        return Some(Refusal::new(RefusalKind::NoPlane, reason, None));
+    }
+    if found.is_static {
+        let reason = format!("nothing moved: {agreeing} of {candidates} matches stand still");
+        return Some(Refusal::new(RefusalKind::Static, reason, None));
+    }
+    None
+}
+
+/// The change of a circular point for each unit of k1 undone, by a difference: both homographies from the same (at most
+/// a few hundred) matches.
+fn shift_by_k1(
+    on_plane: &[PointMatch],
+    plane: &RobustHomography,
+    point: &CircularPoint,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Option<Vector4<f64>> {
+    const STEP: f64 = 0.02;
+    const ENOUGH: usize = 300;
+    let lens = Lens { distortion: Distortion::radial(STEP, 0.0), intrinsics: options.middling_camera };
+    let stride = on_plane.len().div_ceil(ENOUGH);
+    let some: Vec<PointMatch> = on_plane.iter().step_by(stride).copied().collect();
+    let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal_match(m)).collect();
+    let coordinates = |matches: &[PointMatch]| {
+        let start = &plane.estimate.in_frame;
+        let estimate = refine_until(matches, Some(start), &options.frame, &RefineOptions::default(), observer).ok()?;
+        let eigen = complex_pair_eigen(&estimate.in_frame)?;
+        Some(point.coordinates_of(&eigen.complex_right))
+    };
+    Some((coordinates(&undone)? - coordinates(&some)?) / STEP)
+}

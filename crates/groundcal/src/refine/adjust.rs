@@ -1,0 +1,246 @@
+//! The joint refinement as a loop of named steps: minimise; weigh the observations; estimate the variance components; and, when
+//! all of these rest, covariances and the shape of the likelihood.
+
+use crate::{
+    error::Error,
+    numerics::{
+        levenberg_marquardt::{LmOutput, minimise_until},
+        skyline::SkylineCholesky,
+    },
+    observer::{Observer, Silent},
+    refine::{
+        blocks::{BundleOptions, State},
+        bundle::Bundle,
+        covariance::Solution,
+        elimination::Reduced,
+        layout::Ingredients,
+        problem::Problem,
+        profile::profile_widening,
+        residual::SceneModel,
+        reweight::Weighing,
+        tracks::{KINDS, Track},
+        variance_components::{Component, VarianceComponents, disagreement},
+    },
+};
+
+/// Rounds of estimation of weights and variance components.
+const ROUNDS: usize = 10;
+/// Standard deviations by which the cameras move from round to round when they rest.
+const CAMERA_RESTS: f64 = 0.02;
+
+/// Refines a state. Where more than one start is given, all are followed and the one of least cost is the answer: a wide error
+/// bar may hold more than one minimum. The starts must have the same cameras, groups and frames.
+///
+/// # Errors
+/// [`Error::InvalidInput`] when tracks, cameras and frames do not fit; [`Error::Numerical`] when the start is outside the model or
+/// the information is singular.
+pub fn adjust(
+    scene: SceneModel,
+    tracks: &[Track],
+    starts: Vec<State>,
+    options: &BundleOptions,
+) -> Result<Bundle, Error> {
+    adjust_until(scene, tracks, starts, options, &Silent)
+}
+
+/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
+pub(crate) fn adjust_until(
+    scene: SceneModel,
+    tracks: &[Track],
+    starts: Vec<State>,
+    options: &BundleOptions,
+    observer: &dyn Observer,
+) -> Result<Bundle, Error> {
+    let mut rounds = Rounds::new(scene, tracks, starts, options)?;
+    for round in 1.. {
+        let fit = rounds.minimised(observer)?;
+        let weighing = rounds.weighing(&fit)?;
+        let components = rounds.components.updated(&rounds.problem, &fit.out.state, &fit.factor, options);
+        let rests = rounds.cameras_rest(&fit) & weighing.rests(rounds.effects) & components.rest(&rounds.components);
+        if rests || round == ROUNDS {
+            return rounds.finish(fit, &weighing, &components, observer);
+        }
+        rounds.advance(&fit, &weighing, components);
+    }
+    Err(failed("it came to no end"))
+}
+
+fn failed(detail: &str) -> Error {
+    Error::Numerical { stage: "joint refinement", detail: detail.into() }
+}
+
+/// What goes from round to round.
+struct Rounds<'a> {
+    tracks: &'a [Track],
+    options: &'a BundleOptions,
+    problem: Problem,
+    /// Where each start has come to.
+    states: Vec<State>,
+    /// Variance components in force.
+    components: VarianceComponents,
+    /// What the weights in force allow neighbouring residuals to have in common.
+    effects: [f64; KINDS],
+    /// The solution of the round before.
+    last: Option<State>,
+    iterations: usize,
+}
+
+/// The best minimum of a round.
+struct Fit {
+    out: LmOutput<State, Reduced>,
+    factor: SkylineCholesky,
+    /// Weighted squared residual of each observation of each track.
+    squared_residuals: Vec<Vec<f64>>,
+}
+
+impl<'a> Rounds<'a> {
+    fn new(
+        scene: SceneModel,
+        tracks: &'a [Track],
+        mut starts: Vec<State>,
+        options: &'a BundleOptions,
+    ) -> Result<Self, Error> {
+        if options.attitude_sigma_rad == Some(f64::INFINITY) {
+            starts = starts.into_iter().map(State::with_own_attitudes).collect();
+        }
+        check(tracks, &starts, options)?;
+        let first = starts.first().ok_or_else(|| failed("there is no start"))?;
+        let huber = options.huber;
+        let problem = Problem::new(&Ingredients { scene, tracks, state: first, cameras: &options.cameras, huber });
+        let with_points = |mut state: State| {
+            problem.hold_units(&mut state);
+            state.points = problem.points_from_first_images(&state)?;
+            Some(state)
+        };
+        let states = starts.into_iter().filter_map(with_points).collect();
+        Ok(Self {
+            tracks,
+            options,
+            problem,
+            states,
+            components: VarianceComponents::start(options),
+            effects: [1.0; KINDS],
+            last: None,
+            iterations: 0,
+        })
+    }
+
+    /// Follows every start to its minimum under the weights and components in force.
+    fn minimised(&mut self, observer: &dyn Observer) -> Result<Fit, Error> {
+        let (attitude, height) = (self.components.attitude.sigma, self.components.height.sigma);
+        (self.problem.attitude_sigma_rad, self.problem.height_sigma) = (attitude, height);
+        let mut best: Option<LmOutput<State, Reduced>> = None;
+        for state in &mut self.states {
+            let next = minimise_until(&self.problem, state.clone(), &self.options.lm, observer);
+            observer.go_on()?;
+            let Some(next) = next else { continue };
+            self.iterations += next.iterations;
+            *state = next.state.clone();
+            if best.as_ref().is_none_or(|b| next.cost < b.cost) {
+                best = Some(next);
+            }
+        }
+        let out = best.ok_or_else(|| failed("the start is outside the model"))?;
+        let factor = out.linearised.information.cholesky(0.0).ok_or_else(|| failed("the information is singular"))?;
+        let squared_residuals =
+            self.problem.squared_residuals(&out.state).ok_or_else(|| failed("the solution is outside the model"))?;
+        Ok(Fit { out, factor, squared_residuals })
+    }
+
+    fn weighing(&self, fit: &Fit) -> Result<Weighing, Error> {
+        Weighing::new(&self.problem, &fit.out.state, &fit.squared_residuals, &fit.factor, self.effects)
+            .ok_or_else(|| failed("the solution is outside the model"))
+    }
+
+    /// From round to round the weights of the loss change too: the cameras rest when they hardly move them.
+    fn cameras_rest(&self, fit: &Fit) -> bool {
+        let Some(last) = &self.last else { return false };
+        let cameras = fit.out.state.cameras.iter().zip(&last.cameras).zip(&self.problem.layout.cameras);
+        let mut moved = cameras.flat_map(|((now, before), block)| {
+            let difference = now.numbers() - before.numbers();
+            let in_sigmas =
+                |(n, c): (usize, usize)| difference[n].abs() / fit.factor.inverse_block(&[c])[(0, 0)].sqrt();
+            block.free().map(in_sigmas).collect::<Vec<f64>>()
+        });
+        moved.all(|m| m < CAMERA_RESTS)
+    }
+
+    /// Puts what a round found into force.
+    fn advance(&mut self, fit: &Fit, weighing: &Weighing, components: VarianceComponents) {
+        weighing.apply(&mut self.problem, &fit.squared_residuals, self.effects);
+        self.effects = weighing.effects;
+        self.components = components;
+        self.last = Some(fit.out.state.clone());
+    }
+
+    /// Covariances and what else is reported.
+    fn finish(
+        self,
+        fit: Fit,
+        weighing: &Weighing,
+        components: &VarianceComponents,
+        observer: &dyn Observer,
+    ) -> Result<Bundle, Error> {
+        let (problem, tracks) = (&self.problem, self.tracks);
+        let Fit { out, factor, squared_residuals } = fit;
+        // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
+        let dof = weighing.degrees_of_freedom;
+        let student = if dof > 4.0 { dof / (dof - 2.0) } else { 2.0 };
+        let given = self.options.attitude_sigma_rad.is_some();
+        let unexplained = if given { disagreement(components.agreement) } else { 1.0 };
+        let nonlinear = profile_widening(problem, &out, &factor, &self.options.lm, observer);
+        observer.go_on()?;
+        let widened = student * unexplained * nonlinear * nonlinear;
+        let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };
+        let observations_of =
+            |k: usize| tracks.iter().filter(|t| t.kind as usize == k).map(|t| t.observations.len()).sum();
+        Ok(Bundle {
+            scene: problem.scene,
+            cameras: solution.cameras(),
+            rig: solution.rig(),
+            groups: solution.groups(),
+            views: solution.views(tracks, &squared_residuals),
+            attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..components.attitude },
+            height_sigma: Component { sigma: problem.height_sigma, ..components.height },
+            variance_factors: std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k])),
+            design_effects: self.effects,
+            counts: [problem.observations(), problem.tracks(), problem.layout.size],
+            observations_of: std::array::from_fn(observations_of),
+            degrees_of_freedom: dof,
+            agreement: components.agreement,
+            cost: out.cost,
+            squared_residuals,
+            iterations: self.iterations,
+            stop: out.stop,
+            state: out.state,
+        })
+    }
+}
+
+/// Refuses what would index beyond the cameras, frames and groups there are.
+fn check(tracks: &[Track], starts: &[State], options: &BundleOptions) -> Result<(), Error> {
+    let fail = |text: String| Err(Error::InvalidInput(text));
+    let Some(first) = starts.first() else { return Ok(()) };
+    let (cameras, frames) = (options.cameras.len(), first.frames.len());
+    let fits = |s: &State| {
+        s.cameras.len() == cameras
+            && s.rig.len() == cameras
+            && s.groups.len() == first.groups.len()
+            && s.frames.iter().map(|f| f.group).eq(first.frames.iter().map(|f| f.group))
+            && s.frames.iter().all(|f| f.group < s.groups.len())
+    };
+    if cameras == 0 || !starts.iter().all(fits) {
+        return fail("the starts differ in their cameras, groups and frames, or a frame has no group".into());
+    }
+    for (t, track) in tracks.iter().enumerate() {
+        let o = &track.observations;
+        let ascending = o.windows(2).all(|w| (w[0].frame, w[0].camera) < (w[1].frame, w[1].camera));
+        let finite = o.iter().all(|o| o.pixel.iter().chain(o.information.iter()).all(|v| v.is_finite()));
+        if o.len() < 2 || !ascending || !finite || o.iter().any(|o| o.frame >= frames || o.camera >= cameras) {
+            return fail(format!(
+                "track {t} must have two observations or more, finite, in ascending order of frames and cameras that exist"
+            ));
+        }
+    }
+    Ok(())
+}

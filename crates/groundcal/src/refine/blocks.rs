@@ -1,0 +1,283 @@
+//! The blocks of unknowns of the joint refinement: their numbers, how a step moves them, and which are estimated.
+//!
+//! | block          | numbers |
+//! |----------------|---------|
+//! | camera         | ln fx, ln fy/fx, cx, cy, skew (units of the camera's frame), then those of its lens, however many |
+//! | rig pose       | of a camera in the rig: rotation (3), translation (3); that of the first camera is the identity |
+//! | attitude group | attitude (2), ln of the height |
+//! | frame          | δ (2), yaw, x, y, ln of the height over that of its group |
+//! | point          | two in the tangent plane of a unit vector; eliminated |
+//!
+//! A frame is a moment at which all cameras of the rig look; with one camera it is an image. What has an attitude of its own is a
+//! frame in a group of its own.
+
+use nalgebra::{DVector, Matrix3, Rotation3, SVector, Vector2, Vector3};
+
+use crate::{
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
+    numerics::levenberg_marquardt::{Descent, LmOptions},
+};
+
+/// Numbers of a camera matrix.
+pub const MATRIX: usize = 5;
+/// Numbers of a rig pose.
+pub const RIG_POSE: usize = 6;
+/// Numbers of an attitude group.
+pub const GROUP: usize = 3;
+/// Numbers of a frame.
+pub const FRAME: usize = 6;
+/// Place of ln h among the numbers of a group.
+pub(crate) const GROUP_HEIGHT: usize = 2;
+/// Place of the height's deviation among the numbers of a frame.
+pub(crate) const FRAME_HEIGHT: usize = 5;
+
+/// ln fx, ln fy/fx, cx, cy, skew in frame units.
+pub type MatrixNumbers = SVector<f64, MATRIX>;
+
+/// A Gaussian prior on a number: (mean, standard deviation).
+pub type Prior = (f64, f64);
+
+/// A camera: its matrix and its lens.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CameraState {
+    /// Camera matrix, in units of the camera's frame.
+    pub matrix: MatrixNumbers,
+    /// Lens.
+    pub lens: Lens,
+}
+
+impl CameraState {
+    /// From a camera matrix in pixels.
+    pub fn new(intrinsics_px: &Intrinsics, lens: &Lens, frame: &Frame) -> Self {
+        let k = frame.intrinsics_from_pixel(intrinsics_px);
+        Self { matrix: MatrixNumbers::from([k.fx.ln(), (k.fy / k.fx).ln(), k.cx, k.cy, k.skew]), lens: *lens }
+    }
+
+    /// The camera matrix in frame units.
+    pub fn intrinsics_in_frame(&self) -> Intrinsics {
+        let p = &self.matrix;
+        let fx = p[0].exp();
+        Intrinsics { fx, fy: fx * p[1].exp(), cx: p[2], cy: p[3], skew: p[4] }
+    }
+
+    /// How many numbers the block has.
+    pub fn count(&self) -> usize {
+        MATRIX + self.lens.parameter_names().len()
+    }
+
+    /// The numbers of the block in their order.
+    pub fn numbers(&self) -> DVector<f64> {
+        DVector::from_iterator(self.count(), self.matrix.iter().copied().chain(self.lens.parameters()))
+    }
+
+    /// With numbers of the block moved by steps.
+    pub(crate) fn moved(&self, steps: impl Iterator<Item = (usize, f64)>) -> Self {
+        let (mut matrix, mut parameters) = (self.matrix, self.lens.parameters());
+        for (number, by) in steps {
+            match number.checked_sub(MATRIX) {
+                None => matrix[number] += by,
+                Some(of_lens) => parameters[of_lens] += by,
+            }
+        }
+        Self { matrix, lens: self.lens.with_parameters(&parameters).unwrap_or(self.lens) }
+    }
+}
+
+/// Where a camera sits in the rig: camera from the coordinates of the rig's first camera, lengths in the world's unit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RigPose {
+    /// Rotation.
+    pub rotation: Matrix3<f64>,
+    /// Translation.
+    pub translation: Vector3<f64>,
+}
+
+impl RigPose {
+    /// That of the first camera.
+    pub fn identity() -> Self {
+        Self { rotation: Matrix3::identity(), translation: Vector3::zeros() }
+    }
+
+    /// Turned about the camera's axes and shifted along them by a small step.
+    pub fn moved(&self, step: &SVector<f64, RIG_POSE>) -> Self {
+        let turn = Rotation3::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
+        Self { rotation: turn * self.rotation, translation: self.translation + step.fixed_rows::<3>(3) }
+    }
+}
+
+/// What a group of frames shares.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GroupState {
+    /// A: camera coordinates from level coordinates with the camera's heading.
+    pub attitude: Matrix3<f64>,
+    /// Logarithm of the height.
+    pub ln_height: f64,
+}
+
+impl GroupState {
+    /// The attitude turned by a small step about two level axes.
+    pub fn turned(&self, step: [f64; 2]) -> Matrix3<f64> {
+        self.attitude * rotation_x(step[0]) * rotation_y(step[1])
+    }
+}
+
+/// What a frame has of its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FrameState {
+    /// Its group.
+    pub group: usize,
+    /// Error of the attitude about level axes across and along the heading, radians.
+    pub delta_rad: [f64; 2],
+    /// Heading, radians.
+    pub yaw_rad: f64,
+    /// Optical centre over the floor.
+    pub position: Vector2<f64>,
+    /// Logarithm of its height over that of its group.
+    pub ln_height_ratio: f64,
+}
+
+pub(crate) fn rotation_x(a: f64) -> Matrix3<f64> {
+    let (s, c) = a.sin_cos();
+    Matrix3::new(1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c)
+}
+
+pub(crate) fn rotation_y(a: f64) -> Matrix3<f64> {
+    let (s, c) = a.sin_cos();
+    Matrix3::new(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c)
+}
+
+/// Everything that is estimated.
+#[derive(Debug, Clone)]
+pub struct State {
+    /// Cameras.
+    pub cameras: Vec<CameraState>,
+    /// Where each camera sits in the rig; the first is the reference.
+    pub rig: Vec<RigPose>,
+    /// Attitude groups.
+    pub groups: Vec<GroupState>,
+    /// Frames.
+    pub frames: Vec<FrameState>,
+    /// A unit vector for each track.
+    pub points: Vec<Vector3<f64>>,
+}
+
+impl State {
+    /// Of one camera.
+    pub fn of_one_camera(camera: CameraState, groups: Vec<GroupState>, frames: Vec<FrameState>) -> Self {
+        Self { cameras: vec![camera], rig: vec![RigPose::identity()], groups, frames, points: Vec::new() }
+    }
+
+    /// The same with a group, and so a free attitude and height, for each frame: general motion before the plane.
+    pub fn with_own_attitudes(mut self) -> Self {
+        let of = |f: &FrameState| {
+            let group = &self.groups[f.group];
+            GroupState { attitude: group.turned(f.delta_rad), ln_height: group.ln_height + f.ln_height_ratio }
+        };
+        self.groups = self.frames.iter().map(of).collect();
+        for (group, f) in self.frames.iter_mut().enumerate() {
+            *f = FrameState { group, delta_rad: [0.0; 2], ln_height_ratio: 0.0, ..*f };
+        }
+        self
+    }
+}
+
+/// What is estimated of a camera and its place in the rig, and what is known of it beforehand.
+#[derive(Debug, Clone)]
+pub struct CameraUnknowns {
+    /// Frame of the camera's pixels: the unit of its numbers.
+    pub frame: Frame,
+    /// Half width and height of its images, frame units.
+    pub image_half_sides: [f64; 2],
+    /// Which of the matrix's numbers are estimated; the aspect ratio held means that fy follows fx.
+    pub matrix_free: [bool; MATRIX],
+    /// Their priors.
+    pub matrix_priors: [Option<Prior>; MATRIX],
+    /// Which of the lens's numbers are estimated; what is not named is held.
+    pub lens_free: Vec<bool>,
+    /// Their priors.
+    pub lens_priors: Vec<Option<Prior>>,
+    /// Which of the numbers of its pose in the rig are estimated; none of the first camera's are.
+    pub rig_free: [bool; RIG_POSE],
+}
+
+impl CameraUnknowns {
+    /// Without skew, with two numbers of the lens, no priors, and a pose that is free.
+    pub fn new(frame: Frame, image_half_sides: [f64; 2]) -> Self {
+        Self {
+            frame,
+            image_half_sides,
+            matrix_free: [true, true, true, true, false],
+            matrix_priors: [None; MATRIX],
+            lens_free: vec![true, true],
+            lens_priors: Vec::new(),
+            rig_free: [true; RIG_POSE],
+        }
+    }
+
+    /// Whether a number of the camera's block is estimated.
+    pub fn is_free(&self, number: usize) -> bool {
+        match number.checked_sub(MATRIX) {
+            None => self.matrix_free[number],
+            Some(of_lens) => self.lens_free.get(of_lens).copied().unwrap_or(false),
+        }
+    }
+
+    /// Sets whether a number of the camera's block is estimated.
+    pub fn set_free(&mut self, number: usize, free: bool) {
+        match number.checked_sub(MATRIX) {
+            None => self.matrix_free[number] = free,
+            Some(of_lens) => {
+                self.lens_free.resize(self.lens_free.len().max(of_lens + 1), false);
+                self.lens_free[of_lens] = free;
+            }
+        }
+    }
+
+    /// The prior of a number of the camera's block.
+    pub fn prior(&self, number: usize) -> Option<Prior> {
+        match number.checked_sub(MATRIX) {
+            None => self.matrix_priors[number],
+            Some(of_lens) => self.lens_priors.get(of_lens).copied().flatten(),
+        }
+    }
+}
+
+/// Options of the joint refinement.
+#[derive(Debug, Clone)]
+pub struct BundleOptions {
+    /// One a camera.
+    pub cameras: Vec<CameraUnknowns>,
+    /// σ_a in radians, about each of two axes; `None`: estimated where enough frames tell it, else its scale. Infinite: every frame
+    /// has an attitude and a height of its own ([`State::with_own_attitudes`]).
+    pub attitude_sigma_rad: Option<f64>,
+    /// Scale of the half-Cauchy prior of σ_a, radians.
+    pub attitude_scale_rad: f64,
+    /// σ_h, relative; `None`: estimated.
+    pub height_sigma: Option<f64>,
+    /// Residuals beyond this many standard deviations count less.
+    pub huber: f64,
+    /// The loop.
+    pub lm: LmOptions,
+}
+
+impl BundleOptions {
+    /// Residuals beyond this many standard deviations count less, unless told otherwise.
+    pub const HUBER: f64 = 3.0;
+
+    /// The usual ones for these cameras.
+    pub fn new(cameras: Vec<CameraUnknowns>) -> Self {
+        Self {
+            cameras,
+            attitude_sigma_rad: None,
+            attitude_scale_rad: 0.1f64.to_radians(),
+            height_sigma: None,
+            huber: Self::HUBER,
+            lm: LmOptions {
+                descent: Descent::Damped,
+                max_iterations: 60,
+                relative_cost_tolerance: 1e-7,
+                step_tolerance: 1e-13,
+            },
+        }
+    }
+}

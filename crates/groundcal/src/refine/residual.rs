@@ -1,0 +1,375 @@
+//! A camera's view of a point: the residual's model and its derivatives by each block.
+//!
+//! ```text
+//! x = R (A D(δ) Rz(-yaw) B q) + W t,     pixel = K lens(x)
+//!
+//! floor:       q = (X, Y, W) homogeneous point of the plane,  B q = (X - W cx, Y - W cy, -W h)
+//! directions:  q = direction of a point far away,             B q = q,  W = 0
+//! D(δ) = Rx(δ1) Ry(δ2)
+//! ```
+//!
+//! (R, t) is the camera's pose in the rig, A the attitude of the frame's group, D the frame's own error of it about two axes across
+//! the plane's normal, (cx, cy, h) its optical centre. Homogeneous points pass the horizon without a jump, and a motion without
+//! translation is the same in both models. A moves as A Rx(a1) Ry(a2), R as exp(r) R, so that no attitude is singular.
+
+use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
+
+use crate::geometry::{
+    attitude::yaw_rotation,
+    lens::{Lens, LensProjection, MAX_LENS_PARAMETERS},
+};
+use crate::refine::blocks::{
+    CameraState, FRAME, FrameState, GROUP, GroupState, MATRIX, RIG_POSE, RigPose, rotation_x, rotation_y,
+};
+
+/// What the points are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum SceneModel {
+    /// Points of one plane, the floor.
+    Floor,
+    /// Points too far away to show any translation.
+    Directions,
+}
+
+/// Most numbers a camera's block has.
+pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
+
+/// The matrices of a camera at a frame, made once for all points.
+#[derive(Debug, Clone)]
+pub struct Pose {
+    scene: SceneModel,
+    /// R A.
+    attitude: Matrix3<f64>,
+    /// R A Rx(δ1).
+    half_tilted: Matrix3<f64>,
+    /// Ry(δ2).
+    second_tilt: Matrix3<f64>,
+    /// R A D.
+    tilted: Matrix3<f64>,
+    /// R A D Rz(-yaw): camera from world coordinates.
+    pub rotation: Matrix3<f64>,
+    /// Camera coordinates of q.
+    matrix: Matrix3<f64>,
+    /// Optical centre of the rig's first camera.
+    centre: Vector3<f64>,
+    /// t; `None` for the first camera, whose pose in the rig has no derivatives.
+    translation: Option<Vector3<f64>>,
+}
+
+impl Pose {
+    /// Of the rig's first camera at a frame of a group.
+    pub fn new(scene: SceneModel, group: &GroupState, frame: &FrameState) -> Self {
+        Self::of(scene, group, frame, None)
+    }
+
+    /// Of a camera of the rig; `None`: the first.
+    pub fn of(scene: SceneModel, group: &GroupState, frame: &FrameState, rig: Option<&RigPose>) -> Self {
+        let attitude = rig.map_or(group.attitude, |r| r.rotation * group.attitude);
+        let (first, second_tilt) = (rotation_x(frame.delta_rad[0]), rotation_y(frame.delta_rad[1]));
+        let half_tilted = attitude * first;
+        let tilted = half_tilted * second_tilt;
+        let rotation = tilted * yaw_rotation(frame.yaw_rad);
+        let centre = Vector3::new(frame.position.x, frame.position.y, (group.ln_height + frame.ln_height_ratio).exp());
+        let translation = rig.map(|r| r.translation);
+        let matrix = match scene {
+            SceneModel::Floor => {
+                let [x, y] = [0, 1].map(|i| rotation.column(i).into_owned());
+                let origin = -(rotation * centre);
+                Matrix3::from_columns(&[x, y, translation.map_or(origin, |t| origin + t)])
+            }
+            SceneModel::Directions => rotation,
+        };
+        Self { scene, attitude, half_tilted, second_tilt, tilted, rotation, matrix, centre, translation }
+    }
+
+    /// Camera coordinates of a point, up to a positive factor in front.
+    pub fn camera_point(&self, q: &Vector3<f64>) -> Vector3<f64> {
+        self.matrix * q
+    }
+
+    /// The point (unit length) seen along a ray given in camera coordinates.
+    pub fn back_project(&self, ray: &Vector3<f64>) -> Vector3<f64> {
+        let w = self.rotation.transpose() * ray;
+        let q = match self.scene {
+            SceneModel::Directions => w,
+            SceneModel::Floor => {
+                let centre = self.centre();
+                let scale = -w.z / centre.z;
+                Vector3::new(w.x + scale * centre.x, w.y + scale * centre.y, scale)
+            }
+        };
+        q.normalize()
+    }
+
+    /// Optical centre: x, y, height.
+    pub fn centre(&self) -> Vector3<f64> {
+        match (self.translation, self.scene) {
+            (Some(t), SceneModel::Floor) => self.centre - self.rotation.tr_mul(&t),
+            _ => self.centre,
+        }
+    }
+}
+
+/// The lens and the camera matrix of a camera, ready for projecting.
+#[derive(Debug, Clone, Copy)]
+pub struct Projector {
+    linear: Matrix2<f64>,
+    centre: Vector2<f64>,
+    lens: Lens,
+}
+
+impl Projector {
+    /// Of a camera.
+    pub fn new(camera: &CameraState) -> Self {
+        let k = camera.intrinsics_in_frame();
+        Self { linear: Matrix2::new(k.fx, k.skew, 0.0, k.fy), centre: Vector2::new(k.cx, k.cy), lens: camera.lens }
+    }
+
+    fn pixel(&self, d: &Vector2<f64>) -> Vector2<f64> {
+        let m = &self.linear;
+        Vector2::new(m[(0, 0)] * d.x + m[(0, 1)] * d.y, m[(1, 1)] * d.y) + self.centre
+    }
+
+    /// The pixel of a point in camera coordinates; `None` where the lens shows none.
+    pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
+        self.lens.project(x).map(|d| self.pixel(&d))
+    }
+
+    /// The ray (unit length) of a pixel in camera coordinates.
+    pub fn ray(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
+        let m = &self.linear;
+        let y = (pixel.y - self.centre.y) / m[(1, 1)];
+        self.lens.unproject(&Vector2::new((pixel.x - self.centre.x - m[(0, 1)] * y) / m[(0, 0)], y))
+    }
+}
+
+/// A pixel (units of the camera's frame) with its derivatives by each block.
+pub struct Projection {
+    /// Where the point is seen.
+    pub pixel: Vector2<f64>,
+    /// By the camera; columns beyond its numbers are zero.
+    pub by_camera: SMatrix<f64, 2, MOST_CAMERA_NUMBERS>,
+    /// By the camera's pose in the rig; zero for the first camera.
+    pub by_rig: SMatrix<f64, 2, RIG_POSE>,
+    /// By the group.
+    pub by_group: SMatrix<f64, 2, GROUP>,
+    /// By the frame.
+    pub by_frame: SMatrix<f64, 2, FRAME>,
+    /// By the point's homogeneous coordinates.
+    pub by_point: Matrix2x3<f64>,
+}
+
+/// Projects a point with all derivatives; `None` where the lens shows none.
+pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>) -> Option<Projection> {
+    let x = pose.camera_point(q);
+    let seen = projector.lens.project_with_jacobian(&x)?;
+    let g = projector.linear * seen.by_ray;
+    let weight = if pose.scene == SceneModel::Floor { q.z } else { 0.0 };
+    let (by_group, by_frame, by_rig) = by_poses(pose, &g, &x, weight);
+    Some(Projection {
+        pixel: projector.pixel(&seen.point),
+        by_camera: by_camera(&projector.linear, &seen),
+        by_rig,
+        by_group,
+        by_frame,
+        by_point: g * pose.matrix,
+    })
+}
+
+fn by_camera(linear: &Matrix2<f64>, seen: &LensProjection) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
+    let mut j = SMatrix::<f64, 2, MOST_CAMERA_NUMBERS>::zeros();
+    let d = &seen.point;
+    let fy_part = linear[(1, 1)] * d.y;
+    // ln fx moves fy too; both move the pixel in proportion, the skew apart.
+    (j[(0, 0)], j[(1, 0)]) = (linear[(0, 0)] * d.x, fy_part);
+    j[(1, 1)] = fy_part;
+    (j[(0, 2)], j[(1, 3)]) = (1.0, 1.0);
+    j[(0, 4)] = d.y;
+    j.fixed_columns_mut::<MAX_LENS_PARAMETERS>(MATRIX).copy_from(&(linear * seen.by_parameters));
+    j
+}
+
+/// By group, frame and rig pose, given the derivative by camera coordinates and the weight of the translations.
+fn by_poses(
+    pose: &Pose,
+    g: &Matrix2x3<f64>,
+    x: &Vector3<f64>,
+    weight: f64,
+) -> (SMatrix<f64, 2, GROUP>, SMatrix<f64, 2, FRAME>, SMatrix<f64, 2, RIG_POSE>) {
+    let mut by_group = SMatrix::<f64, 2, GROUP>::zeros();
+    let mut by_frame = SMatrix::<f64, 2, FRAME>::zeros();
+    let mut by_rig = SMatrix::<f64, 2, RIG_POSE>::zeros();
+    // What the rotations turn.
+    let turned = pose.translation.map_or(*x, |t| x - t * weight);
+    let t = pose.attitude.tr_mul(&turned);
+    let by_first = g * (pose.attitude * Vector3::new(0.0, -t.z, t.y));
+    by_group.set_column(0, &by_first);
+    by_group.set_column(1, &(g * (pose.attitude * Vector3::new(t.z, 0.0, -t.x))));
+    let s = pose.half_tilted.tr_mul(&turned);
+    by_frame.set_column(0, &by_first);
+    by_frame.set_column(1, &(g * (pose.half_tilted * Vector3::new(s.z, 0.0, -s.x))));
+    let w = pose.second_tilt.tr_mul(&s);
+    by_frame.set_column(2, &(g * (pose.tilted * Vector3::new(w.y, -w.x, 0.0))));
+    if pose.scene == SceneModel::Floor {
+        by_frame.set_column(3, &(g * pose.rotation.column(0) * -weight));
+        by_frame.set_column(4, &(g * pose.rotation.column(1) * -weight));
+        let by_height = g * pose.rotation.column(2) * (-weight * pose.centre.z);
+        by_group.set_column(2, &by_height);
+        by_frame.set_column(5, &by_height);
+    }
+    if pose.translation.is_some() {
+        by_rig.set_column(0, &(g * Vector3::new(0.0, -turned.z, turned.y)));
+        by_rig.set_column(1, &(g * Vector3::new(turned.z, 0.0, -turned.x)));
+        by_rig.set_column(2, &(g * Vector3::new(-turned.y, turned.x, 0.0)));
+        by_rig.fixed_columns_mut::<3>(3).copy_from(&(g * weight));
+    }
+    (by_group, by_frame, by_rig)
+}
+
+/// Two orthonormal directions across a unit vector.
+pub fn tangent_of(q: &Vector3<f64>) -> [Vector3<f64>; 2] {
+    let sign = if q.z >= 0.0 { 1.0 } else { -1.0 };
+    // Duff et al. 2017, "Building an orthonormal basis, revisited".
+    let a = -1.0 / (sign + q.z);
+    let b = q.x * q.y * a;
+    [Vector3::new(1.0 + sign * q.x * q.x * a, sign * b, -sign * q.x), Vector3::new(b, sign + q.y * q.y * a, -q.y)]
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::SVector;
+
+    use super::*;
+    use crate::{
+        geometry::{
+            attitude::attitude_rotation,
+            lens::{Fisheye, Radtan},
+        },
+        refine::blocks::State,
+    };
+
+    /// Camera, its place in the rig, group, frame and a point.
+    type Example = (CameraState, RigPose, GroupState, FrameState, Vector3<f64>);
+
+    fn example(scene: SceneModel, lens: Lens) -> Example {
+        let camera = CameraState { matrix: [0.8, 0.01, 0.05, -0.03, 0.01].into(), lens };
+        let rig = RigPose::identity().moved(&SVector::from([0.05, -0.1, 0.2, 0.3, -0.05, 0.02]));
+        let group = GroupState { attitude: attitude_rotation(0.7, 0.3), ln_height: 0.1 };
+        let frame = FrameState {
+            group: 0,
+            delta_rad: [0.03, -0.05],
+            yaw_rad: 0.4,
+            position: Vector2::new(0.3, -0.2),
+            ln_height_ratio: -0.05,
+        };
+        let q = Pose::new(scene, &group, &frame).back_project(&Vector3::new(0.21, -0.13, 1.0));
+        (camera, rig, group, frame, q)
+    }
+
+    /// The numbers of all blocks, one after the other, and where each block begins.
+    const BEGIN: [usize; 5] = [0, 10, 16, 19, 25];
+    const ALL: usize = 28;
+
+    /// Lenses of three, five and no numbers.
+    fn lenses() -> [Lens; 3] {
+        let radtan = Radtan::new([-0.15, 0.03, 1e-3, -2e-3, 0.004]);
+        [Lens::Radtan(radtan), Lens::Fisheye(Fisheye::new([0.02, -0.01, 0.003, -0.0005])), Lens::None]
+    }
+
+    fn moved(e: &Example, i: usize, by: f64) -> Example {
+        let (mut camera, mut rig, mut group, mut frame, mut q) = *e;
+        let block = (0..5).rfind(|&b| BEGIN[b] <= i).expect("one of them");
+        let number = i - BEGIN[block];
+        match block {
+            0 if number < camera.count() => camera = camera.moved(std::iter::once((number, by))),
+            0 => {}
+            1 => rig = rig.moved(&SVector::from_fn(|r, _| if r == number { by } else { 0.0 })),
+            2 => match number {
+                0 => group.attitude = group.turned([by, 0.0]),
+                1 => group.attitude = group.turned([0.0, by]),
+                _ => group.ln_height += by,
+            },
+            3 => match number {
+                0 | 1 => frame.delta_rad[number] += by,
+                2 => frame.yaw_rad += by,
+                3 | 4 => frame.position[number - 3] += by,
+                _ => frame.ln_height_ratio += by,
+            },
+            _ => q[number] += by,
+        }
+        (camera, rig, group, frame, q)
+    }
+
+    fn agrees_with_differences(scene: SceneModel, in_rig: bool, lens: Lens) {
+        let pose = |e: &Example| Pose::of(scene, &e.2, &e.3, in_rig.then_some(&e.1));
+        let value =
+            |e: &Example| Projector::new(&e.0).project(&pose(e).camera_point(&e.4)).expect("in front of the camera");
+        let e = example(scene, lens);
+        let p = project_with_derivatives(&Projector::new(&e.0), &pose(&e), &e.4).expect("in front");
+        assert!((p.pixel - value(&e)).norm() < 1e-14);
+        for i in 0..ALL {
+            const H: f64 = 1e-6;
+            let difference = (value(&moved(&e, i, H)) - value(&moved(&e, i, -H))) / (2.0 * H);
+            let block = (0..5).rfind(|&b| BEGIN[b] <= i).expect("one of them");
+            let n = i - BEGIN[block];
+            let analytic = match block {
+                0 => p.by_camera.column(n).into_owned(),
+                1 => p.by_rig.column(n).into_owned(),
+                2 => p.by_group.column(n).into_owned(),
+                3 => p.by_frame.column(n).into_owned(),
+                _ => p.by_point.column(n).into_owned(),
+            };
+            let error = (difference - analytic).norm();
+            assert!(error < 1e-8, "{scene:?} {in_rig} {lens:?} block {block} number {n}: {difference} {analytic}");
+        }
+    }
+
+    #[test]
+    fn derivatives_by_every_block_agree_with_differences() {
+        for scene in [SceneModel::Floor, SceneModel::Directions] {
+            for in_rig in [false, true] {
+                lenses().into_iter().for_each(|lens| agrees_with_differences(scene, in_rig, lens));
+            }
+        }
+    }
+
+    #[test]
+    fn a_group_of_its_own_changes_no_pose() {
+        let (camera, rig, group, frame, _) = example(SceneModel::Floor, Lens::None);
+        let other = FrameState { delta_rad: [0.6, -0.4], ..frame };
+        let state = State {
+            cameras: vec![camera],
+            rig: vec![rig],
+            groups: vec![group],
+            frames: vec![frame, other],
+            points: Vec::new(),
+        };
+        let own = state.clone().with_own_attitudes();
+        assert_eq!(own.groups.len(), 2);
+        for (before, after) in state.frames.iter().zip(&own.frames) {
+            let [a, b] =
+                [(&state, before), (&own, after)].map(|(s, f)| Pose::new(SceneModel::Floor, &s.groups[f.group], f));
+            assert!((a.matrix - b.matrix).norm() < 1e-14 && after.delta_rad == [0.0; 2]);
+        }
+    }
+
+    #[test]
+    fn what_is_seen_along_a_ray_is_seen_there() {
+        for scene in [SceneModel::Floor, SceneModel::Directions] {
+            for (in_rig, lens) in [false, true].into_iter().flat_map(|in_rig| lenses().map(|lens| (in_rig, lens))) {
+                let (camera, rig, group, frame, _) = example(scene, lens);
+                let projector = Projector::new(&camera);
+                let pose = Pose::of(scene, &group, &frame, in_rig.then_some(&rig));
+                // Below and above the horizon.
+                for pixel in [Vector2::new(0.3, 0.4), Vector2::new(-0.2, -1.1)] {
+                    let q = pose.back_project(&projector.ray(&pixel).expect("inside the fold"));
+                    let again = projector.project(&pose.camera_point(&q)).expect("in front");
+                    assert!((again - pixel).norm() < 1e-12);
+                    let [u, v] = tangent_of(&q);
+                    let orthonormal = [u.dot(&q), v.dot(&q), u.dot(&v), u.norm() - 1.0, v.norm() - 1.0];
+                    assert!(orthonormal.iter().all(|e| e.abs() < 1e-14));
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! Weights of the observations: the noise of each kind, what neighbours have in common, and the loss.
+
+use std::collections::BTreeMap;
+
+use nalgebra::Vector2;
+
+use crate::{
+    numerics::{skyline::SkylineCholesky, statistics::chi_squared_survival},
+    refine::{blocks::State, problem::Problem, tracks::KINDS},
+};
+
+/// Cells along each side of an image, and the fewest points of one, for residuals that neighbours have in common.
+const CELLS: usize = 4;
+const CELL_COUNT: usize = 3;
+/// Probability below which what they have in common is not put down to chance.
+const DESIGN_EFFECT_P: f64 = 0.01;
+/// Relative error of the variance of the residuals at which the weights rest, and the same of what neighbours have in common.
+const VARIANCE_RESTS: f64 = 0.005;
+const EFFECT_RESTS: f64 = 0.05;
+
+/// A kind of measurement and two images (frame and camera) that share points.
+type PairOfKind = (usize, [(usize, usize); 2]);
+
+/// Sum of the residuals in a part of an image.
+#[derive(Debug, Clone, Copy, Default)]
+struct Cell {
+    sum: Vector2<f64>,
+    /// Expected mean square of each of its coordinates, if they were independent.
+    variance: f64,
+    count: usize,
+}
+
+/// What the residuals say of their weights.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Weighing {
+    /// Variance of single residuals in units of what the weights in force take it for.
+    pub(crate) white: [f64; KINDS],
+    /// How much more neighbours have in common than independent residuals would.
+    pub(crate) effects: [f64; KINDS],
+    /// Degrees of freedom of all residuals.
+    pub(crate) degrees_of_freedom: f64,
+}
+
+impl Weighing {
+    /// From the residuals of a solution, the weights in force allowing for `effects_in_force`.
+    pub(crate) fn new(
+        problem: &Problem,
+        state: &State,
+        squared_residuals: &[Vec<f64>],
+        factor: &SkylineCholesky,
+        effects_in_force: [f64; KINDS],
+    ) -> Option<Self> {
+        let (variances, degrees_of_freedom) = problem.variance_factors(state, squared_residuals, factor);
+        Some(Self {
+            effects: problem.design_effects(state, variances)?,
+            // In units of single residuals, which the weights in force take for larger by what neighbours have in common.
+            white: std::array::from_fn(|k| variances[k] * effects_in_force[k]),
+            degrees_of_freedom,
+        })
+    }
+
+    /// Whether the weights in force need no change.
+    pub(crate) fn rests(&self, effects_in_force: [f64; KINDS]) -> bool {
+        (0..KINDS).all(|k| {
+            (self.white[k] - 1.0).abs() < VARIANCE_RESTS
+                && (self.effects[k] / effects_in_force[k]).ln().abs() < EFFECT_RESTS
+        })
+    }
+
+    /// Changes the weights of a problem accordingly.
+    pub(crate) fn apply(&self, problem: &mut Problem, squared_residuals: &[Vec<f64>], in_force: [f64; KINDS]) {
+        // What is large is so in units of single residuals.
+        let next: [f64; KINDS] =
+            std::array::from_fn(|k| (problem.weights[k] * in_force[k] / self.white[k]).clamp(1e-6, 25.0));
+        problem.reweight(squared_residuals, std::array::from_fn(|k| next[k] / problem.weights[k]));
+        problem.weights = std::array::from_fn(|k| next[k] / self.effects[k]);
+    }
+}
+
+impl Problem {
+    /// Degrees of freedom of each kind before cameras and frames are counted: two an observation less two a track.
+    fn redundancies(&self) -> [usize; KINDS] {
+        let mut out = [0; KINDS];
+        for (seen, &kind) in self.seen.iter().zip(&self.kinds) {
+            out[kind] += 2 * (seen.len() - 1);
+        }
+        out
+    }
+
+    /// Mean squared weighted residual per degree of freedom of each kind, and all of these: two an observation less two a track
+    /// less the columns, of which those with priors count by how much the data decide them.
+    fn variance_factors(
+        &self,
+        state: &State,
+        squared_residuals: &[Vec<f64>],
+        factor: &SkylineCholesky,
+    ) -> ([f64; KINDS], f64) {
+        let held: f64 = self
+            .prior_information(state)
+            .into_iter()
+            .map(|(column, information)| (information * factor.inverse_block(&[column])[(0, 0)]).min(1.0))
+            .sum();
+        let redundancies = self.redundancies().map(|r| r as f64);
+        let total: f64 = redundancies.iter().sum();
+        let dof = total - (self.layout.size as f64 - held);
+        if dof < 1.0 {
+            return ([1.0; KINDS], dof.max(0.0));
+        }
+        let sums = self.weighted_sums(squared_residuals);
+        // The columns cost each kind in proportion.
+        let of_kind = |k: usize| if redundancies[k] > 0.0 { sums[k] / (redundancies[k] * dof / total) } else { 1.0 };
+        (std::array::from_fn(of_kind), dof)
+    }
+
+    /// How much more the residuals of neighbouring points of each kind have in common than independent ones would: the mean square
+    /// of sums over cells of the images, by its expectation from the `variances` of single residuals. A lens or a floor that is
+    /// not quite as the model says, and matching errors that depend on the perspective, show in it where the size of single
+    /// residuals does not. 1 where the difference may be chance.
+    fn design_effects(&self, state: &State, variances: [f64; KINDS]) -> Option<[f64; KINDS]> {
+        let views = self.views(state);
+        let mut cells: BTreeMap<PairOfKind, [Cell; CELLS * CELLS]> = BTreeMap::new();
+        for c in &self.clusters {
+            let share = (c.images.len() as f64 - 1.0) / c.images.len() as f64;
+            for &t in &c.tracks {
+                let kind = self.kinds[t];
+                for (s, &image) in self.seen[t].iter().zip(&c.images).skip(1) {
+                    let pixel = views.project(image, &state.points[t])?;
+                    let r = s.whitened(&(pixel - s.pixel)) * (self.weights[kind] * s.robust).sqrt();
+                    let half_sides = self.cameras[image.1].image_half_sides;
+                    let place =
+                        |x: f64, half: f64| ((0.5 * (x / half + 1.0) * CELLS as f64).max(0.0) as usize).min(CELLS - 1);
+                    let at = place(s.pixel.y, half_sides[1]) * CELLS + place(s.pixel.x, half_sides[0]);
+                    let cell = &mut cells.entry((kind, [c.images[0], image])).or_default()[at];
+                    cell.sum += r;
+                    cell.variance += share * variances[kind];
+                    cell.count += 1;
+                }
+            }
+        }
+        let between = |[first, image]: &[(usize, usize); 2]| [first.0, image.0];
+        let mut pairs_between: BTreeMap<(usize, [usize; 2]), usize> = BTreeMap::new();
+        for (kind, images) in cells.keys() {
+            *pairs_between.entry((*kind, between(images))).or_default() += 1;
+        }
+        let (mut squares, mut expected, mut degrees_of_freedom) = ([0.0; KINDS], [0.0; KINDS], [0.0; KINDS]);
+        for ((kind, images), pair) in &cells {
+            let full = || pair.iter().filter(|c| c.count >= CELL_COUNT);
+            let numbers = 2.0 * full().count() as f64;
+            // What a homography of its own would follow is not in the residuals. The cameras of a rig have one between two frames
+            // in common, and none of their own within a frame.
+            let frames = between(images);
+            let shared_by = pairs_between[&(*kind, frames)] as f64;
+            let left = numbers - if frames[0] == frames[1] { 0.0 } else { 8.0 / shared_by };
+            if left <= 0.0 {
+                continue;
+            }
+            squares[*kind] += full().map(|c| c.sum.norm_squared()).sum::<f64>();
+            expected[*kind] += 2.0 * full().map(|c| c.variance).sum::<f64>() * left / numbers;
+            degrees_of_freedom[*kind] += left;
+        }
+        Some(std::array::from_fn(|k| {
+            let (ratio, dof) = (squares[k] / expected[k], degrees_of_freedom[k]);
+            let chance = chi_squared_survival(ratio * dof, dof.round() as usize);
+            if dof >= 1.0 && ratio > 1.0 && chance < DESIGN_EFFECT_P { ratio } else { 1.0 }
+        }))
+    }
+
+    /// Sets the weight of each observation to Huber's (1964) for its squared residual. Between two calls the problem is one of
+    /// plain least squares (iteratively reweighted), which converges in a few steps.
+    ///
+    /// `scales` multiplies the residuals of each kind beforehand.
+    fn reweight(&mut self, squared_residuals: &[Vec<f64>], scales: [f64; KINDS]) {
+        for ((seen, residuals), &kind) in self.seen.iter_mut().zip(squared_residuals).zip(&self.kinds) {
+            // The point follows the observations: a residual is smaller than the error by this much.
+            let limit = self.huber * self.huber * (seen.len() as f64 - 1.0) / seen.len() as f64;
+            for (s, r) in seen.iter_mut().zip(residuals) {
+                let r = r * scales[kind];
+                s.robust = if r > limit { (limit / r).sqrt() } else { 1.0 };
+            }
+        }
+    }
+
+    /// Sums of the squared residuals of each kind with the weights in force.
+    fn weighted_sums(&self, squared_residuals: &[Vec<f64>]) -> [f64; KINDS] {
+        let mut sums = [0.0; KINDS];
+        for ((seen, residuals), &kind) in self.seen.iter().zip(squared_residuals).zip(&self.kinds) {
+            sums[kind] += seen.iter().zip(residuals).map(|(s, r)| s.robust * r).sum::<f64>();
+        }
+        sums
+    }
+}

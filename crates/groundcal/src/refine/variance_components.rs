@@ -1,0 +1,161 @@
+//! Variance components: how far attitudes and heights of frames stray from those of their groups, by restricted likelihood.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::{
+    numerics::{
+        linalg::{inverse_spd, symmetric_eigen},
+        skyline::SkylineCholesky,
+        statistics::{VarianceComponent, chi_squared_survival},
+    },
+    refine::{
+        blocks::{BundleOptions, State},
+        problem::{Deviation, Problem, STIFF},
+    },
+};
+
+/// A variance component and where it comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Component {
+    /// Standard deviation.
+    pub sigma: f64,
+    /// Whether the data told it.
+    pub estimated: bool,
+}
+
+/// Scale of the half-Cauchy prior of σ_h: a tripod or a robot on a floor keeps its height to about this.
+const HEIGHT_SCALE: f64 = 1e-3;
+/// Directions in which the data must see a variance component before they decide it.
+const MIN_DIRECTIONS: usize = 4;
+/// Relative change at which a component rests.
+const RESTS: f64 = 0.05;
+/// Probability below which the attitudes' disagreement is not put down to chance.
+pub const DISAGREEMENT_P: f64 = 0.01;
+
+/// By how much the variances grow because the attitudes disagree with a σ_a that was given.
+pub fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {
+    if chi_squared_survival(chi_squared, degrees_of_freedom) < DISAGREEMENT_P {
+        chi_squared / degrees_of_freedom as f64
+    } else {
+        1.0
+    }
+}
+
+/// The two components of the model.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct VarianceComponents {
+    /// σ_a, radians.
+    pub(crate) attitude: Component,
+    /// σ_h, relative.
+    pub(crate) height: Component,
+    /// Chi-squared of the attitudes' deviations under the σ_a in force, and its degrees of freedom.
+    pub(crate) agreement: (f64, usize),
+}
+
+impl VarianceComponents {
+    /// Before anything is known.
+    pub(crate) fn start(options: &BundleOptions) -> Self {
+        let given = |sigma: f64| Component { sigma, estimated: false };
+        Self {
+            attitude: given(options.attitude_sigma_rad.unwrap_or(options.attitude_scale_rad)),
+            height: given(options.height_sigma.unwrap_or(1.0)),
+            agreement: (0.0, 0),
+        }
+    }
+
+    /// Estimates those that are not given from a solution under those in force.
+    pub(crate) fn updated(
+        &self,
+        problem: &Problem,
+        state: &State,
+        factor: &SkylineCholesky,
+        options: &BundleOptions,
+    ) -> Self {
+        let mut next = *self;
+        let attitudes = Deviations::new(&problem.attitude_deviations(state), factor, self.attitude.sigma);
+        let heights = Deviations::new(&problem.height_deviations(state), factor, self.height.sigma);
+        next.agreement = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(self.attitude.sigma));
+        if options.attitude_sigma_rad.is_none()
+            && let Some(d) = &attitudes
+        {
+            next.attitude = d.attitude_component(options.attitude_scale_rad);
+        }
+        if options.height_sigma.is_none()
+            && let Some(d) = &heights
+        {
+            let component = VarianceComponent { scale: HEIGHT_SCALE, below: 30.0, above: 1000.0 };
+            next.height = Component { sigma: component.posterior(|s| d.log_likelihood(s)), estimated: true };
+        }
+        next
+    }
+
+    /// Whether they are hardly other than those in force. Those given do not move.
+    pub(crate) fn rest(&self, in_force: &Self) -> bool {
+        let rests = |a: &Component, b: &Component| a.sigma == b.sigma || (a.sigma / b.sigma).ln().abs() < RESTS;
+        rests(&self.attitude, &in_force.attitude) && rests(&self.height, &in_force.height)
+    }
+}
+
+/// Deviations with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,
+/// and Q times their best values.
+struct Deviations {
+    eigenvalues: DVector<f64>,
+    /// Components of Q δ* along the eigenvectors.
+    right: DVector<f64>,
+}
+
+impl Deviations {
+    /// From a solution under a prior of deviation `sigma`.
+    fn new(deviations: &[Deviation], factor: &SkylineCholesky, sigma: f64) -> Option<Self> {
+        if deviations.is_empty() {
+            return None;
+        }
+        let columns: Vec<usize> = deviations.iter().map(|d| d.column).collect();
+        let block = factor.inverse_block(&columns);
+        let covariance = DMatrix::from_fn(block.nrows(), block.ncols(), |r, c| {
+            deviations[r].sign * deviations[c].sign * block[(r, c)]
+        });
+        let mean = DVector::from_iterator(deviations.len(), deviations.iter().map(|d| d.value));
+        let prior = 1.0 / sigma.max(STIFF).powi(2);
+        let posterior = inverse_spd(&covariance)?;
+        let information = &posterior - DMatrix::from_diagonal_element(mean.len(), mean.len(), prior);
+        let (values, vectors) = symmetric_eigen(&((&information + information.transpose()) * 0.5))?;
+        // Rounding of what the prior held.
+        let least = 1e-9 * prior;
+        Some(Self {
+            right: vectors.tr_mul(&(posterior * mean)),
+            eigenvalues: values.map(|v| if v > least { v } else { 0.0 }),
+        })
+    }
+
+    /// Logarithm of the likelihood of a deviation, all else being profiled out.
+    fn log_likelihood(&self, sigma: f64) -> f64 {
+        let variance = sigma * sigma;
+        self.eigenvalues
+            .iter()
+            .zip(self.right.iter())
+            .filter(|(l, _)| **l > 0.0)
+            .map(|(l, r)| 0.5 * (variance * r * r / (1.0 + variance * l) - (variance * l).ln_1p()))
+            .sum()
+    }
+
+    /// Chi-squared of the deviations for a given variance, and its degrees of freedom.
+    fn agreement(&self, sigma: f64) -> (f64, usize) {
+        // A direction known to no better than 20 degrees says nothing.
+        let seen = self.eigenvalues.iter().zip(self.right.iter()).filter(|(l, _)| **l > 8.0);
+        seen.fold((0.0, 0), |(sum, count), (l, r)| (sum + r * r / (l * (1.0 + sigma * sigma * l)), count + 1))
+    }
+
+    fn attitude_component(&self, scale: f64) -> Component {
+        let seen = self.eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count();
+        let component = VarianceComponent { scale, below: 30.0, above: 50.0 };
+        let told = || component.posterior(|s| self.log_likelihood(s));
+        if seen >= MIN_DIRECTIONS {
+            return Component { sigma: told(), estimated: true };
+        }
+        // Few directions, or vague ones, do not make the deviation smaller than stated, but they may make it larger.
+        let (_, directions) = self.agreement(scale);
+        let sigma = if directions > 0 { told().max(scale) } else { scale };
+        Component { sigma, estimated: sigma > scale }
+    }
+}

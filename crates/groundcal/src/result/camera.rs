@@ -1,0 +1,165 @@
+//! The camera of a calibration, and how it was found.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::{
+    camera,
+    intrinsics::Intrinsics,
+    lens::Lens,
+    parameters::{Parameter, PriorParameter},
+    size::ImageSize,
+};
+
+/// How the camera is estimated from the motions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Closed form and maximum likelihood of the circular points (Knight, Zisserman & Reid 2003), each motion by itself.
+    Linear,
+    /// Joint refinement of camera, lens, attitudes, views and points, from there.
+    #[default]
+    Joint,
+    /// All homographies taken for rotations about the optical centre ([`crate::start::rotating_camera`]; Hartley 1994): a pan-tilt camera
+    /// on the spot. No floor is needed, no axis is assumed; the constraint `auto` stands for `zero-skew`.
+    Rotating,
+}
+
+impl Method {
+    /// The name used on the command line and in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Method::Linear => "linear",
+            Method::Joint => "joint",
+            Method::Rotating => "rotating",
+        }
+    }
+}
+
+/// What the points were taken for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scene {
+    /// Points of a floor.
+    Floor,
+    /// Points too far away to show where the camera was: a camera that turns on the spot.
+    Directions,
+}
+
+/// Where the lens's coefficients come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum LensSource {
+    /// Nowhere: the lens was taken to have no distortion.
+    #[serde(rename = "not modelled")]
+    NotModelled,
+    /// They were given.
+    #[default]
+    #[serde(rename = "given")]
+    Given,
+    /// From the images (the model is then `none` where the coefficients are not told from zero).
+    #[serde(rename = "estimated")]
+    Estimated,
+}
+
+impl LensSource {
+    /// The name used in files and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            LensSource::NotModelled => "not modelled",
+            LensSource::Given => "given",
+            LensSource::Estimated => "estimated",
+        }
+    }
+}
+
+/// Camera parameters in pixels.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Width and height in pixels.
+    pub image_size: [usize; 2],
+    /// Focal length along x.
+    pub fx: f64,
+    /// Focal length along y.
+    pub fy: f64,
+    /// Principal point, x.
+    pub cx: f64,
+    /// Principal point, y.
+    pub cy: f64,
+    /// Skew.
+    #[serde(default)]
+    pub skew: f64,
+    /// Lens distortion.
+    #[serde(default)]
+    pub distortion: DistortionReport,
+}
+
+impl Camera {
+    /// A camera of images of this size.
+    pub fn new(size: ImageSize, k: &Intrinsics, lens: impl Into<Lens>, source: LensSource) -> Self {
+        Self {
+            image_size: [size.width, size.height],
+            fx: k.fx,
+            fy: k.fy,
+            cx: k.cx,
+            cy: k.cy,
+            skew: k.skew,
+            distortion: DistortionReport { lens: lens.into(), source },
+        }
+    }
+
+    /// The camera matrix.
+    pub fn intrinsics(&self) -> Intrinsics {
+        Intrinsics { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, skew: self.skew }
+    }
+
+    /// The lens.
+    pub fn lens(&self) -> Lens {
+        self.distortion.lens
+    }
+
+    /// Size, camera matrix and lens.
+    pub fn model(&self) -> camera::Camera {
+        camera::Camera { size: self.size(), intrinsics: self.intrinsics(), lens: self.lens() }
+    }
+
+    /// Width and height.
+    pub fn size(&self) -> ImageSize {
+        ImageSize::new(self.image_size[0], self.image_size[1])
+    }
+
+    /// A number of it, in pixels (k1, k2: no unit).
+    pub fn value(&self, p: Parameter) -> f64 {
+        match p {
+            Parameter::Fx => self.fx,
+            Parameter::Fy => self.fy,
+            Parameter::Cx => self.cx,
+            Parameter::Cy => self.cy,
+            Parameter::Skew => self.skew,
+            Parameter::K1 => self.distortion.lens.parameter("k1").unwrap_or(0.0),
+            Parameter::K2 => self.distortion.lens.parameter("k2").unwrap_or(0.0),
+        }
+    }
+}
+
+/// Lens distortion: `model` and its parameters by name, and where they come from.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub struct DistortionReport {
+    /// The lens.
+    #[serde(flatten)]
+    pub lens: Lens,
+    /// Where the coefficients come from.
+    #[serde(default)]
+    pub source: LensSource,
+}
+
+/// A Gaussian prior and how much it counted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Prior {
+    /// The parameter.
+    pub parameter: PriorParameter,
+    /// Mean, in pixels (`aspect`, `k1`, `k2`: no unit).
+    pub mean: f64,
+    /// Standard deviation, same unit.
+    pub sigma: f64,
+    /// Posterior over prior standard deviation: near 1 the prior decided, near 0 the images did.
+    pub posterior_over_prior: f64,
+}

@@ -1,0 +1,16 @@
+//! The library from outside. One test binary: every further one would compile the same generic code again.
+
+#![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test may end in a panic
+
+mod exact;
+mod floor;
+mod homographies;
+mod plan;
+mod refinement;
+mod refinement_blocks;
+mod rotating_camera;
+mod selection;
+mod shared_data;
+mod statistics;
+mod stop;
+mod words;
