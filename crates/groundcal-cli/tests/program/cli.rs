@@ -47,7 +47,7 @@ fn one_attitude_cannot_give_four_unknowns() {
             "needs 2",
             "1 motion has 1",
             "Tilt or roll the camera",
-            "use a stronger constraint",
+            "ask for less with a stronger constraint",
             "fixed-pp",
         ],
     );

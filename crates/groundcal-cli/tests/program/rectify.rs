@@ -472,7 +472,7 @@ fn bad_input_is_refused_by_name() {
     );
     fails(&["rectify", &good, &images, "--resolution", "-3"], USAGE, &["positive"]);
     fails(&["rectify", &good, &images, "--extent", "0.01"], INPUT, &["no view sees floor within 0.01", "--extent"]);
-    fails(&["undistort", &good, &at("examples/tripod")], INPUT, &["00a.jpg is 800x600", "of 640x480"]);
+    fails(&["undistort", &good, &at("examples/tripod")], INPUT, &["00a.jpg: is 800x600", "of 640x480"]);
     fails(&["undistort", &good], USAGE, &["IMAGES"]);
 
     // An image of another size, named as a view: whatever else could be written is not.
@@ -480,7 +480,7 @@ fn bad_input_is_refused_by_name() {
     std::fs::copy(tiled_folder().join("a.png"), other.path().join("a.png")).unwrap();
     let small = DynamicImage::new_rgb8(320, 240);
     small.save_with_format(other.path().join("b.png"), ImageFormat::Png).unwrap();
-    fails(&["rectify", &good, &text(other.path())], INPUT, &["b.png is 320x240", "of 640x480", "camera and size"]);
+    fails(&["rectify", &good, &text(other.path())], INPUT, &["b.png: is 320x240", "of 640x480", "camera and size"]);
     let damaged = std::fs::read(tiled_folder().join("b.png")).unwrap();
     std::fs::write(other.path().join("b.png"), &damaged[..damaged.len() / 2]).unwrap();
     fails(&["rectify", &good, &text(other.path()), "--mosaic"], INPUT, &["b.png", "damaged or truncated"]);

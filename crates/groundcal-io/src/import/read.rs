@@ -38,7 +38,7 @@ fn parts(argument: &Path) -> (PathBuf, Option<String>) {
 /// # let path = folder.path().join("camera.yaml");
 /// std::fs::write(&path, "camera_matrix: [[700, 0, 320], [0, 700, 240], [0, 0, 1]]\ndist_coeff: [-0.1, 0.02, 0, 0, 0]\n")?;
 /// let camera = groundcal_io::import::read_camera(&path)?;
-/// assert_eq!((camera.intrinsics.fx, camera.distortion.k1, camera.size), (700.0, -0.1, None));
+/// assert_eq!((camera.intrinsics.fx, camera.lens.parameters()[0], camera.size), (700.0, -0.1, None));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn read_camera(argument: impl AsRef<OsStr>) -> Result<ImportedCamera, IoError> {

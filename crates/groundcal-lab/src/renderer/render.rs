@@ -584,7 +584,7 @@ mod tests {
         let plain = Camera::centred([200, 150], 190.0);
         let skewed = Camera { fy: Some(196.0), cx: Some(105.0), cy: Some(71.0), skew: 2.0, ..plain.clone() };
         let wide = Camera { k1: -0.25, k2: 0.05, p1: 2e-3, p2: -3e-3, ..plain.clone() };
-        for (camera, roll) in [(plain, 0.0), (skewed, 30.0), (wide, -20.0), (fisheye(95.0), 5.0)] {
+        for (camera, roll) in [(plain, 0.0), (skewed, 30.0), (wide, -20.0), (fisheye(160.0), 5.0)] {
             let mut scene = two_views(camera, roll);
             scene.floor.scale_m = Some(0.14);
             scene.sensor.samples_per_pixel = 9;
@@ -641,7 +641,7 @@ mod tests {
                     for x in 0..marked.width() {
                         let p = Vector2::new(x as f64, y as f64);
                         let w = f64::from((clean.get(x, y) - marked.get(x, y)).abs());
-                        if w > 0.02 && (p - expected).norm() < 15.0 {
+                        if w > 0.02 && (p - expected).norm() < 6.0 {
                             weight += w;
                             sum += p * w;
                         }

@@ -46,6 +46,8 @@ pub(crate) struct Part {
     eliminations: Vec<Elimination>,
     /// Two rows of Qᵀ J a track, one after the other.
     rows: Vec<f64>,
+    /// Rows whose outer products are still to be added to the equations, or taken away.
+    pending: Vec<f64>,
 }
 
 /// The rows of a track's observations, two each: derivatives by the cluster's columns, residual, padding, derivatives by the point (2).
@@ -118,6 +120,7 @@ impl Part {
             equations: vec![0.0; row_start(columns + 1)],
             eliminations: Vec::with_capacity(tracks),
             rows: Vec::with_capacity(2 * columns * tracks),
+            pending: Vec::new(),
         }
     }
 
@@ -143,34 +146,37 @@ impl Part {
         self.eliminations.push(Elimination { track, r: [r00, r01, r11], right });
         self.rows.extend_from_slice(&of_point[..n]);
         self.rows.extend_from_slice(&of_point[width..width + n]);
-        if long {
-            self.add(of_point.split_at(width), -1.0);
-        } else {
-            for pair in rows.rows.chunks_exact(2 * width).skip(1) {
-                self.add(pair.split_at(width), 1.0);
-            }
-        }
+        // The rows of R, or those that are left.
+        let pending = if long { of_point } else { &rows.rows[2 * width..] };
+        pending.chunks_exact(width).for_each(|row| self.pending.extend_from_slice(&row[..width - 2]));
         Some(())
     }
 
-    /// Adds (or takes away) the outer products of two rows of J and the residual.
-    fn add(&mut self, (first, second): (&[f64], &[f64]), sign: f64) {
-        let [x, y] = [first, second].map(|row| row.as_chunks::<LANES>().0);
-        let mut rest = self.equations.as_chunks_mut::<LANES>().0;
-        let mut row = 0;
-        while !rest.is_empty() {
-            let (a, b) = (sign * first[row], sign * second[row]);
-            let (sums, below) = rest.split_at_mut(row / LANES + 1);
-            for ((sum, x), y) in sums.iter_mut().zip(x).zip(y) {
-                for lane in 0..LANES {
-                    sum[lane] += a * x[lane] + b * y[lane];
+    /// Adds the outer products of the rows that are left of all tracks, or takes those of R away, in blocks that stay in registers.
+    pub(crate) fn finish(&mut self, cluster: &Cluster) {
+        let sign = if cluster.images.len() > LONG_TRACK { -1.0 } else { 1.0 };
+        let last = cluster.columns.len();
+        let width = (last + 1).next_multiple_of(LANES);
+        for i in 0..width / LANES {
+            for k in 0..=i {
+                let mut sums = [[0.0; LANES]; LANES];
+                for row in self.pending.chunks_exact(width) {
+                    let blocks = row.as_chunks::<LANES>().0;
+                    let (x, y) = (blocks[i], blocks[k]);
+                    for (sums, x) in sums.iter_mut().zip(&x) {
+                        sums.iter_mut().zip(&y).for_each(|(sum, y)| *sum += x * y);
+                    }
+                }
+                for (row, sums) in (LANES * i..=last).zip(&sums) {
+                    let at = row_start(row) + LANES * k;
+                    self.equations[at..at + LANES].iter_mut().zip(sums).for_each(|(e, s)| *e += sign * s);
                 }
             }
-            (rest, row) = (below, row + 1);
         }
+        self.pending = Vec::new();
     }
 
-    /// The same for rows that have entries at `occupied` only, ascending, and the residual.
+    /// Adds the outer products of two rows that have entries at `occupied` only, ascending, and the residual.
     fn add_sparse(&mut self, (first, second): (&[f64], &[f64]), occupied: &[usize], residual: usize) {
         for (k, &row) in occupied.iter().chain([&residual]).enumerate() {
             let (a, b) = (first[row], second[row]);
@@ -189,7 +195,7 @@ struct Reflections {
     /// (v, w), a row each.
     vectors: Vec<[f64; 2]>,
     /// v times the columns, and w.
-    products: [Vec<[f64; LANES]>; 2],
+    products: [Vec<f64>; 2],
 }
 
 impl Reflections {
@@ -209,25 +215,19 @@ impl Reflections {
         let [by_v, by_w] = &mut self.products;
         for products in [&mut *by_v, &mut *by_w] {
             products.clear();
-            products.resize(active / LANES, [0.0; LANES]);
+            products.resize(active, 0.0);
         }
         for (row, [v, w]) in rows.chunks_exact(width).zip(&self.vectors) {
-            for ((values, p), q) in row.as_chunks::<LANES>().0.iter().zip(by_v.iter_mut()).zip(by_w.iter_mut()) {
-                for lane in 0..LANES {
-                    p[lane] += v * values[lane];
-                    q[lane] += w * values[lane];
-                }
-            }
+            by_v.iter_mut().zip(&row[..active]).for_each(|(p, value)| *p += v * value);
+            by_w.iter_mut().zip(&row[..active]).for_each(|(q, value)| *q += w * value);
         }
-        for (p, q) in by_v.iter_mut().flatten().zip(by_w.iter_mut().flatten()) {
+        for (p, q) in by_v.iter_mut().zip(by_w.iter_mut()) {
             *p *= beta;
             *q = gamma * (*q - common * *p);
         }
         for (row, [v, w]) in rows.chunks_exact_mut(width).zip(&self.vectors) {
-            for ((values, p), q) in row.as_chunks_mut::<LANES>().0.iter_mut().zip(by_v.iter()).zip(by_w.iter()) {
-                for lane in 0..LANES {
-                    values[lane] -= v * p[lane] + w * q[lane];
-                }
+            for ((value, p), q) in row[..active].iter_mut().zip(by_v.iter()).zip(by_w.iter()) {
+                *value -= v * p + w * q;
             }
         }
         Some([first, corner, second])

@@ -277,6 +277,7 @@ impl Problem {
             }
             part.eliminate(t, &mut rows, &c.places)?;
         }
+        part.finish(c);
         Some(part)
     }
 

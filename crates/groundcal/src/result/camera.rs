@@ -95,6 +95,8 @@ pub struct Camera {
 impl Camera {
     /// A camera of images of this size.
     pub fn new(size: ImageSize, k: &Intrinsics, lens: impl Into<Lens>, source: LensSource) -> Self {
+        // Coefficients that are all zero are no lens, as the file says it.
+        let lens = Some(lens.into()).filter(|lens| !lens.is_none()).unwrap_or(Lens::None);
         Self {
             image_size: [size.width, size.height],
             fx: k.fx,
@@ -102,7 +104,7 @@ impl Camera {
             cx: k.cx,
             cy: k.cy,
             skew: k.skew,
-            distortion: DistortionReport { lens: lens.into(), source },
+            distortion: DistortionReport { lens, source },
         }
     }
 
