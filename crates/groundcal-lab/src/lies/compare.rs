@@ -50,31 +50,36 @@ pub fn compare(old: &[SceneRecord], new: &[SceneRecord]) -> String {
     list("lied before, right now", &|o, n| lied(o) && right(n));
     list("lied before, refused now", &|o, n| lied(o) && n.verdict == Verdict::Refused);
     list("refused before, right now", &|o, n| o.verdict == Verdict::Refused && right(n));
-    for controls in [false, true] {
-        let of: Vec<_> = both.iter().filter(|(o, _)| (o.kind == Kind::WellSpecified) == controls).collect();
-        let were_right: Vec<_> = of.iter().filter(|(o, _)| right(o)).collect();
-        if were_right.is_empty() {
-            continue;
-        }
-        let kept = were_right.iter().filter(|(_, n)| right(n)).count();
-        let mut ratios: Vec<f64> = were_right
-            .iter()
-            .filter(|(_, n)| right(n))
-            .filter_map(|(o, n)| Some(n.focal_sigma_percent()? / o.focal_sigma_percent()?))
-            .collect();
-        ratios.sort_by(f64::total_cmp);
-        let at = |q: f64| ratios.get(((ratios.len() as f64 - 1.0) * q).max(0.0) as usize).copied().unwrap_or(f64::NAN);
-        out += &format!(
-            "{}: {kept} of {} answered rightly before still are ({:.1} %); bars of fx, new over old: median {:.3}, 10 % below {:.3}, 90 % below {:.3}\n",
-            if controls { "well-specified" } else { "all others" },
-            were_right.len(),
-            100.0 * kept as f64 / were_right.len() as f64,
-            at(0.5),
-            at(0.1),
-            at(0.9)
-        );
-    }
+    let control = |r: &SceneRecord| r.kind == Kind::WellSpecified;
+    let single = |r: &SceneRecord| r.attitudes <= 1;
+    out += &bars("all others", both.iter().filter(|(o, _)| !control(o)));
+    out += &bars("well-specified, several attitudes", both.iter().filter(|(o, _)| control(o) && !single(o)));
+    out += &bars("well-specified, one attitude", both.iter().filter(|(o, _)| control(o) && single(o)));
     out
+}
+
+/// How many of the right answers stay, and the ratios of the bars of fx where they do.
+fn bars<'a>(label: &str, pairs: impl Iterator<Item = &'a (&'a SceneRecord, &'a SceneRecord)>) -> String {
+    let right = |r: &SceneRecord| r.verdict == Verdict::Answered;
+    let before: Vec<_> = pairs.filter(|(o, _)| right(o)).collect();
+    if before.is_empty() {
+        return String::new();
+    }
+    let kept: Vec<_> = before.iter().filter(|(_, n)| right(n)).collect();
+    let mut ratios: Vec<f64> =
+        kept.iter().filter_map(|(o, n)| Some(n.focal_sigma_percent()? / o.focal_sigma_percent()?)).collect();
+    ratios.sort_by(f64::total_cmp);
+    let at = |q: f64| ratios.get(((ratios.len() as f64 - 1.0) * q).max(0.0) as usize).copied().unwrap_or(f64::NAN);
+    format!(
+        "{label}: {} of {} answered rightly before still are ({:.1} %); bars of fx, new over old: median {:.3}, 10 % below {:.3}, 90 % \
+         below {:.3}\n",
+        kept.len(),
+        before.len(),
+        100.0 * kept.len() as f64 / before.len() as f64,
+        at(0.5),
+        at(0.1),
+        at(0.9)
+    )
 }
 
 #[cfg(test)]
