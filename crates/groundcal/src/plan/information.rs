@@ -19,7 +19,7 @@ use crate::{
     numerics::{levenberg_marquardt::LeastSquares, linalg::inverse_spd},
     plan::candidate::{CameraMatrix, NUMBERS},
     refine::{
-        blocks::{BundleOptions, CameraState, FrameState, GroupState, MATRIX, State},
+        blocks::{BundleOptions, CameraState, Departure, FrameState, GroupState, MATRIX, State},
         layout::Ingredients,
         problem::Problem,
         residual::{Pose, Projector, SceneModel},
@@ -76,6 +76,7 @@ impl Setting {
             yaw_rad,
             position,
             ln_height_ratio: 0.0,
+            departure: Departure::default(),
         };
         let mut frames = vec![frame(0.0, Vector2::zeros())];
         for i in 0..links {
@@ -151,6 +152,7 @@ impl Setting {
             scene: SceneModel::Floor,
             tracks: &tracks,
             state: &state,
+            departures: &[],
             cameras: &[unknowns],
             huber: self.options.huber,
         });

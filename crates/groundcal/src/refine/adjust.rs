@@ -106,7 +106,14 @@ impl<'a> Rounds<'a> {
         check(tracks, &starts, options)?;
         let first = starts.first().ok_or_else(|| failed("there is no start"))?;
         let huber = options.huber;
-        let problem = Problem::new(&Ingredients { scene, tracks, state: first, cameras: &options.cameras, huber });
+        let problem = Problem::new(&Ingredients {
+            scene,
+            tracks,
+            state: first,
+            cameras: &options.cameras,
+            departures: &options.departures,
+            huber,
+        });
         let with_points = |mut state: State| {
             problem.hold_units(&mut state);
             state.points = problem.points_from_first_images(&state)?;
@@ -129,6 +136,7 @@ impl<'a> Rounds<'a> {
     fn minimised(&mut self, observer: &dyn Observer) -> Result<Fit, Error> {
         let (attitude, height) = (self.components.attitude.sigma, self.components.height.sigma);
         (self.problem.attitude_sigma_rad, self.problem.height_sigma) = (attitude, height);
+        self.problem.departure_sigmas = self.components.departures.map(|c| c.sigma);
         let mut best: Option<LmOutput<State, Reduced>> = None;
         for state in &mut self.states {
             let next = minimise_until(&self.problem, state.clone(), &self.options.lm, observer);
@@ -202,6 +210,10 @@ impl<'a> Rounds<'a> {
             views: solution.views(tracks, &squared_residuals),
             attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..components.attitude },
             height_sigma: Component { sigma: problem.height_sigma, ..components.height },
+            departure_sigmas: std::array::from_fn(|k| Component {
+                sigma: problem.departure_sigmas[k],
+                ..components.departures[k]
+            }),
             variance_factors: std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k])),
             design_effects: self.effects,
             counts: [problem.observations(), problem.tracks(), problem.layout.size],

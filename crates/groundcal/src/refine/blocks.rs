@@ -5,7 +5,7 @@
 //! | camera         | ln fx, ln fy/fx, cx, cy, skew (units of the camera's frame), then those of its lens, however many |
 //! | rig pose       | of a camera in the rig: rotation (3), translation (3); that of the first camera is the identity |
 //! | attitude group | attitude (2), ln of the height |
-//! | frame          | δ (2), yaw, x, y, ln of the height over that of its group |
+//! | frame          | δ (2), yaw, x, y, ln of the height over that of its group; departures of its picture: ln f over the camera's, turn while it is read out, shift (2) |
 //! | point          | two in the tangent plane of a unit vector; eliminated |
 //!
 //! A frame is a moment at which all cameras of the rig look; with one camera it is an image. What has an attitude of its own is a
@@ -24,10 +24,16 @@ pub const MATRIX: usize = 5;
 pub const RIG_POSE: usize = 6;
 /// Numbers of an attitude group.
 pub const GROUP: usize = 3;
-/// Numbers of a frame.
-pub const FRAME: usize = 6;
+/// Numbers of a frame: those of its pose, then the departures of its picture.
+pub const FRAME: usize = FRAME_POSE + DEPARTURES;
+/// Numbers of a frame's pose.
+pub const FRAME_POSE: usize = 6;
+/// Numbers by which the picture of a frame departs from those of the others.
+pub const DEPARTURES: usize = 4;
 /// Place of ln h among the numbers of a group.
 pub(crate) const GROUP_HEIGHT: usize = 2;
+/// Place of the heading among the numbers of a frame.
+pub(crate) const FRAME_YAW: usize = 2;
 /// Place of the height's deviation among the numbers of a frame.
 pub(crate) const FRAME_HEIGHT: usize = 5;
 
@@ -121,6 +127,55 @@ impl GroupState {
     }
 }
 
+/// In what a frame's picture departs from those of the others: a lens that was focused or zoomed again, a shutter that rolled while the
+/// camera turned, a stabiliser. Nothing, unless it is estimated ([`BundleOptions::departures`]).
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Departure {
+    /// Logarithm of its focal length over that of the camera.
+    pub ln_focal: f64,
+    /// Turn about the plane's normal from the picture's middle row until its last is read out, radians.
+    pub row_turn_rad: f64,
+    /// Shift of the picture, frame units.
+    pub shift: Vector2<f64>,
+}
+
+impl Departure {
+    /// The numbers in their order.
+    pub fn numbers(&self) -> [f64; DEPARTURES] {
+        [self.ln_focal, self.row_turn_rad, self.shift.x, self.shift.y]
+    }
+
+    /// From the numbers in their order.
+    pub fn from_numbers([ln_focal, row_turn_rad, x, y]: [f64; DEPARTURES]) -> Self {
+        Self { ln_focal, row_turn_rad, shift: Vector2::new(x, y) }
+    }
+}
+
+/// Departures that have a deviation in common.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum DepartureKind {
+    /// Focal lengths.
+    Focal,
+    /// Turns while pictures are read out.
+    RowTurn,
+    /// Shifts.
+    Shift,
+}
+
+impl DepartureKind {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Focal, Self::RowTurn, Self::Shift];
+
+    /// Their numbers among those of a frame.
+    pub fn numbers(self) -> std::ops::Range<usize> {
+        match self {
+            Self::Focal => FRAME_POSE..FRAME_POSE + 1,
+            Self::RowTurn => FRAME_POSE + 1..FRAME_POSE + 2,
+            Self::Shift => FRAME_POSE + 2..FRAME_POSE + 4,
+        }
+    }
+}
+
 /// What a frame has of its own.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameState {
@@ -134,6 +189,8 @@ pub struct FrameState {
     pub position: Vector2<f64>,
     /// Logarithm of its height over that of its group.
     pub ln_height_ratio: f64,
+    /// Departures of its picture.
+    pub departure: Departure,
 }
 
 pub(crate) fn rotation_x(a: f64) -> Matrix3<f64> {
@@ -254,6 +311,8 @@ pub struct BundleOptions {
     pub attitude_scale_rad: f64,
     /// σ_h, relative; `None`: estimated.
     pub height_sigma: Option<f64>,
+    /// Departures of the frames' pictures that are estimated, each with a deviation of its own.
+    pub departures: Vec<DepartureKind>,
     /// Residuals beyond this many standard deviations count less.
     pub huber: f64,
     /// The loop.
@@ -271,6 +330,7 @@ impl BundleOptions {
             attitude_sigma_rad: None,
             attitude_scale_rad: 0.1f64.to_radians(),
             height_sigma: None,
+            departures: Vec::new(),
             huber: Self::HUBER,
             lm: LmOptions {
                 descent: Descent::Damped,

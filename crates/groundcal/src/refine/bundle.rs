@@ -6,7 +6,7 @@ use crate::{
     geometry::{frame::Frame, intrinsics::Intrinsics},
     numerics::levenberg_marquardt::StopReason,
     refine::{
-        blocks::{CameraState, MATRIX, RIG_POSE, RigPose, State},
+        blocks::{CameraState, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
         residual::SceneModel,
         tracks::KINDS,
         variance_components::Component,
@@ -164,6 +164,8 @@ pub struct Bundle {
     pub attitude_sigma: Component,
     /// Relative deviation of the frames' heights.
     pub height_sigma: Component,
+    /// Deviation of each kind of departure of the frames' pictures (relative f, radians, frame units); zero where it is not estimated.
+    pub departure_sigmas: [Component; DepartureKind::ALL.len()],
     /// Weighted squared residuals over their degrees of freedom, before the weights were scaled by it, for each
     /// [`crate::refine::Kind`]; 1 where there are none.
     pub variance_factors: [f64; KINDS],

@@ -257,7 +257,9 @@ fn stepped_frame(frame: &FrameState, number: usize, step: f64) -> FrameState {
         2 => f.yaw_rad += step,
         3 => f.position += Vector2::new(step, 0.0),
         4 => f.position += Vector2::new(0.0, step),
-        _ => f.ln_height_ratio += step,
+        5 => f.ln_height_ratio += step,
+        // Departures of the picture are no part of the pose.
+        _ => {}
     }
     f
 }

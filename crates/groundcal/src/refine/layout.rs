@@ -5,7 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     numerics::graph::{breadth_first, components},
     refine::{
-        blocks::{CameraUnknowns, FRAME, FRAME_HEIGHT, GROUP, GROUP_HEIGHT, RIG_POSE, State},
+        blocks::{
+            CameraUnknowns, DepartureKind, FRAME, FRAME_HEIGHT, FRAME_POSE, GROUP, GROUP_HEIGHT, RIG_POSE, State,
+        },
         residual::SceneModel,
         tracks::Track,
     },
@@ -87,6 +89,8 @@ pub struct Ingredients<'a> {
     pub state: &'a State,
     /// What of the cameras is estimated.
     pub cameras: &'a [CameraUnknowns],
+    /// What of the frames' departures is estimated.
+    pub departures: &'a [DepartureKind],
     /// Deviation of residuals beyond which they count less.
     pub huber: f64,
 }
@@ -146,7 +150,9 @@ pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
             let (strays, moves) = (shared(v), v != root);
             // What has a group of its own has no height over that of the group.
             let height = floor && strays && (moves || !is_unit);
-            let free = [strays, strays, moves, floor && moves, floor && moves, height];
+            let mut free = [false; FRAME];
+            free[..FRAME_POSE].copy_from_slice(&[strays, strays, moves, floor && moves, floor && moves, height]);
+            i.departures.iter().for_each(|d| free[d.numbers()].fill(true));
             layout.frames[v] = Block::at(&mut layout.size, free);
         }
         for &v in &order {

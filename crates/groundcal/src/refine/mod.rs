@@ -29,7 +29,9 @@ pub mod tracks;
 pub mod variance_components;
 
 pub use adjust::adjust;
-pub use blocks::{BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, RigPose, State};
+pub use blocks::{
+    BundleOptions, CameraState, CameraUnknowns, Departure, DepartureKind, FrameState, GroupState, RigPose, State,
+};
 pub use bundle::{
     Bundle, CAMERA, CameraEstimate, GROUP_NUMBERS, GroupEstimate, JointCovariance, RigEstimate, VIEW_NUMBERS,
     ViewEstimate,

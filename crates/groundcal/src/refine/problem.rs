@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::{
     numerics::levenberg_marquardt::LeastSquares,
     refine::{
-        blocks::{CameraUnknowns, GROUP_HEIGHT, State},
+        blocks::{CameraUnknowns, Departure, DepartureKind, FRAME_POSE, GROUP_HEIGHT, State},
         elimination::{Part, Reduced, TrackRows},
         layout::{Cluster, Ingredients, Layout, cluster, lay_out},
         residual::{Pose, Projector, SceneModel, project_with_derivatives, tangent_of},
@@ -18,6 +18,8 @@ use crate::{
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Seen {
     pub(crate) pixel: Vector2<f64>,
+    /// Its row, from -1 (first) to 1 (last).
+    pub(crate) row: f64,
     /// Upper triangular root of the information: |whiten r|² = rᵀ Λ r.
     whiten: [f64; 3],
     /// Less than 1 where the residual was too large to count in full.
@@ -60,6 +62,8 @@ pub struct Problem {
     pub attitude_sigma_rad: f64,
     /// Relative deviation of each frame's height from that of its group.
     pub height_sigma: f64,
+    /// Deviation of each kind of departure.
+    pub departure_sigmas: [f64; DepartureKind::ALL.len()],
     /// Factors on the information of the observations of each kind.
     pub(crate) weights: [f64; KINDS],
     /// Kind of each track.
@@ -87,10 +91,10 @@ impl Views {
         (&self.projectors[camera], &self.poses[frame * self.cameras + camera])
     }
 
-    /// Where an image shows a point.
-    pub(crate) fn project(&self, image: (usize, usize), q: &Vector3<f64>) -> Option<Vector2<f64>> {
+    /// Where an image shows the point of an observation.
+    pub(crate) fn project(&self, image: (usize, usize), q: &Vector3<f64>, seen: &Seen) -> Option<Vector2<f64>> {
         let (projector, pose) = self.of(image);
-        projector.project(&pose.camera_point(q))
+        projector.project_from(pose, q, seen.row)
     }
 }
 
@@ -103,9 +107,11 @@ impl Problem {
             .iter()
             .map(|t| {
                 let of = |o: &crate::refine::tracks::Observation| {
-                    let frame = &i.cameras[o.camera].frame;
+                    let camera = &i.cameras[o.camera];
+                    let frame = &camera.frame;
                     let information = o.information * frame.scale_px * frame.scale_px;
-                    Seen { pixel: frame.from_pixel(&o.pixel), whiten: root(&information), robust: 1.0 }
+                    let pixel = frame.from_pixel(&o.pixel);
+                    Seen { pixel, row: pixel.y / camera.image_half_sides[1], whiten: root(&information), robust: 1.0 }
                 };
                 t.observations.iter().map(of).collect()
             })
@@ -127,6 +133,7 @@ impl Problem {
             cameras: i.cameras.to_vec(),
             attitude_sigma_rad: STIFF,
             height_sigma: 1.0,
+            departure_sigmas: [1.0; DepartureKind::ALL.len()],
             weights: [1.0; KINDS],
             kinds: i.tracks.iter().map(|t| t.kind as usize).collect(),
             huber: i.huber,
@@ -175,7 +182,8 @@ impl Problem {
         for c in &self.clusters {
             let (projector, pose) = views.of(c.images[0]);
             for &t in &c.tracks {
-                points[t] = pose.back_project(&projector.ray(&self.seen[t][0].pixel)?);
+                let first = &self.seen[t][0];
+                points[t] = projector.point_of(pose, &first.pixel, first.row)?;
             }
         }
         Some(points)
@@ -210,6 +218,17 @@ impl Problem {
         own.chain(units).collect()
     }
 
+    /// Departures of one kind of the frames' pictures from those of the others.
+    pub(crate) fn departures(&self, state: &State, kind: DepartureKind) -> Vec<Deviation> {
+        let of_frame = |(f, block): (&crate::refine::blocks::FrameState, &crate::refine::layout::Block)| {
+            let numbers = f.departure.numbers();
+            let deviation =
+                |n: usize| Some(Deviation { column: block.column(n)?, sign: 1.0, value: numbers[n - FRAME_POSE] });
+            kind.numbers().filter_map(deviation).collect::<Vec<_>>()
+        };
+        state.frames.iter().zip(&self.layout.frames).flat_map(of_frame).collect()
+    }
+
     /// Every prior as a deviation and its standard deviation.
     fn priors(&self, state: &State) -> Vec<(Deviation, f64)> {
         let mut out = Vec::new();
@@ -224,6 +243,9 @@ impl Problem {
         let with = |sigma: f64| move |d: Deviation| (d, sigma.max(STIFF));
         out.extend(self.attitude_deviations(state).into_iter().map(with(self.attitude_sigma_rad)));
         out.extend(self.height_deviations(state).into_iter().map(with(self.height_sigma)));
+        for (kind, sigma) in DepartureKind::ALL.into_iter().zip(self.departure_sigmas) {
+            out.extend(self.departures(state, kind).into_iter().map(with(sigma)));
+        }
         out
     }
 
@@ -239,7 +261,7 @@ impl Problem {
         for c in &self.clusters {
             for &t in &c.tracks {
                 for (s, &image) in self.seen[t].iter().zip(&c.images) {
-                    let pixel = views.project(image, &state.points[t])?;
+                    let pixel = views.project(image, &state.points[t], s)?;
                     out[t].push(self.weights[self.kinds[t]] * s.whitened(&(pixel - s.pixel)).norm_squared());
                 }
             }
@@ -258,7 +280,7 @@ impl Problem {
             let tangent = tangent_of(q);
             let weight = self.weights[self.kinds[t]];
             for (o, (s, (projector, pose))) in self.seen[t].iter().zip(&in_views).enumerate() {
-                let p = project_with_derivatives(projector, pose, q)?;
+                let p = project_with_derivatives(projector, pose, q, s.row)?;
                 let r = s.whitened(&(p.pixel - s.pixel));
                 let w = (weight * s.robust).sqrt();
                 part.add_cost(0.5 * w * w * r.norm_squared());
@@ -297,7 +319,7 @@ impl LeastSquares for Problem {
             let mut cost = 0.0;
             for &t in *tracks {
                 for (s, &image) in self.seen[t].iter().zip(&c.images) {
-                    let r = s.whitened(&(views.project(image, &state.points[t])? - s.pixel));
+                    let r = s.whitened(&(views.project(image, &state.points[t], s)? - s.pixel));
                     cost += 0.5 * self.weights[self.kinds[t]] * s.robust * r.norm_squared();
                 }
             }
@@ -345,6 +367,9 @@ impl LeastSquares for Problem {
             f.yaw_rad += at(block.column(2));
             f.position += Vector2::new(at(block.column(3)), at(block.column(4)));
             f.ln_height_ratio += at(block.column(5));
+            let numbers = f.departure.numbers();
+            f.departure =
+                Departure::from_numbers(std::array::from_fn(|n| numbers[n] + at(block.column(FRAME_POSE + n))));
         }
         self.hold_units(&mut moved);
         let n = self.layout.size;

@@ -1,16 +1,19 @@
 //! A camera's view of a point: the residual's model and its derivatives by each block.
 //!
 //! ```text
-//! x = R (A D(δ) Rz(-yaw) B q) + W t,     pixel = K lens(x)
+//! x = R (A D(δ) Rz(-yaw - v w) B q) + W t,     pixel = e^φ (K lens(x) - c) + c + s
 //!
 //! floor:       q = (X, Y, W) homogeneous point of the plane,  B q = (X - W cx, Y - W cy, -W h)
 //! directions:  q = direction of a point far away,             B q = q,  W = 0
 //! D(δ) = Rx(δ1) Ry(δ2)
 //! ```
 //!
+//! φ, w and s are the departures of the frame's picture: of its ln f, turn while it is read out (v: row from the middle, -1 to 1), shift.
 //! (R, t) is the camera's pose in the rig, A the attitude of the frame's group, D the frame's own error of it about two axes across
 //! the plane's normal, (cx, cy, h) its optical centre. Homogeneous points pass the horizon without a jump, and a motion without
 //! translation is the same in both models. A moves as A Rx(a1) Ry(a2), R as exp(r) R, so that no attitude is singular.
+
+use std::borrow::Cow;
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, SMatrix, Vector2, Vector3};
 
@@ -19,7 +22,8 @@ use crate::geometry::{
     lens::{Lens, LensProjection, MAX_LENS_PARAMETERS},
 };
 use crate::refine::blocks::{
-    CameraState, FRAME, FrameState, GROUP, GroupState, MATRIX, RIG_POSE, RigPose, rotation_x, rotation_y,
+    CameraState, Departure, FRAME, FRAME_POSE, FRAME_YAW, FrameState, GROUP, GroupState, MATRIX, RIG_POSE, RigPose,
+    rotation_x, rotation_y,
 };
 
 /// What the points are.
@@ -52,6 +56,8 @@ pub struct Pose {
     matrix: Matrix3<f64>,
     /// Optical centre of the rig's first camera.
     centre: Vector3<f64>,
+    /// Departures of the frame's picture.
+    departure: Departure,
     /// t; `None` for the first camera, whose pose in the rig has no derivatives.
     translation: Option<Vector3<f64>>,
 }
@@ -71,15 +77,20 @@ impl Pose {
         let rotation = tilted * yaw_rotation(frame.yaw_rad);
         let centre = Vector3::new(frame.position.x, frame.position.y, (group.ln_height + frame.ln_height_ratio).exp());
         let translation = rig.map(|r| r.translation);
-        let matrix = match scene {
-            SceneModel::Floor => {
-                let [x, y] = [0, 1].map(|i| rotation.column(i).into_owned());
-                let origin = -(rotation * centre);
-                Matrix3::from_columns(&[x, y, translation.map_or(origin, |t| origin + t)])
-            }
-            SceneModel::Directions => rotation,
-        };
-        Self { scene, attitude, half_tilted, second_tilt, tilted, rotation, matrix, centre, translation }
+        let matrix = camera_from_scene(scene, &rotation, &centre, translation);
+        let departure = frame.departure;
+        Self { scene, attitude, half_tilted, second_tilt, tilted, rotation, matrix, centre, departure, translation }
+    }
+
+    /// The pose when a row was read out, from -1 (first) to 1 (last).
+    pub fn at_row(&self, row: f64) -> Cow<'_, Self> {
+        let turn_rad = self.departure.row_turn_rad * row;
+        if turn_rad == 0.0 {
+            return Cow::Borrowed(self);
+        }
+        let rotation = self.rotation * yaw_rotation(turn_rad);
+        let matrix = camera_from_scene(self.scene, &rotation, &self.centre, self.translation);
+        Cow::Owned(Self { rotation, matrix, ..self.clone() })
     }
 
     /// Camera coordinates of a point, up to a positive factor in front.
@@ -110,6 +121,23 @@ impl Pose {
     }
 }
 
+/// Camera coordinates of q.
+fn camera_from_scene(
+    scene: SceneModel,
+    rotation: &Matrix3<f64>,
+    centre: &Vector3<f64>,
+    translation: Option<Vector3<f64>>,
+) -> Matrix3<f64> {
+    match scene {
+        SceneModel::Floor => {
+            let [x, y] = [0, 1].map(|i| rotation.column(i).into_owned());
+            let origin = -(rotation * centre);
+            Matrix3::from_columns(&[x, y, translation.map_or(origin, |t| origin + t)])
+        }
+        SceneModel::Directions => *rotation,
+    }
+}
+
 /// The lens and the camera matrix of a camera, ready for projecting.
 #[derive(Debug, Clone, Copy)]
 pub struct Projector {
@@ -128,6 +156,24 @@ impl Projector {
     fn pixel(&self, d: &Vector2<f64>) -> Vector2<f64> {
         let m = &self.linear;
         Vector2::new(m[(0, 0)] * d.x + m[(0, 1)] * d.y, m[(1, 1)] * d.y) + self.centre
+    }
+
+    /// For the picture of a frame.
+    fn departing(&self, departure: &Departure) -> Self {
+        if *departure == Departure::default() {
+            return *self;
+        }
+        Self { linear: self.linear * departure.ln_focal.exp(), centre: self.centre + departure.shift, lens: self.lens }
+    }
+
+    /// The pixel of a point, seen in this row (see [`Pose::at_row`]) of the picture of a frame; `None` where the lens shows none.
+    pub fn project_from(&self, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Vector2<f64>> {
+        self.departing(&pose.departure).project(&pose.at_row(row).camera_point(q))
+    }
+
+    /// The point (unit length) that a pixel of a frame's picture shows, in this row.
+    pub fn point_of(&self, pose: &Pose, pixel: &Vector2<f64>, row: f64) -> Option<Vector3<f64>> {
+        Some(pose.at_row(row).back_project(&self.departing(&pose.departure).ray(pixel)?))
     }
 
     /// The pixel of a point in camera coordinates; `None` where the lens shows none.
@@ -159,16 +205,21 @@ pub struct Projection {
     pub by_point: Matrix2x3<f64>,
 }
 
-/// Projects a point with all derivatives; `None` where the lens shows none.
-pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>) -> Option<Projection> {
+/// Projects a point, seen in a row (see [`Pose::at_row`]), with all derivatives; `None` where the lens shows none.
+pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Projection> {
+    let (projector, pose) = (projector.departing(&pose.departure), pose.at_row(row));
     let x = pose.camera_point(q);
     let seen = projector.lens.project_with_jacobian(&x)?;
     let g = projector.linear * seen.by_ray;
     let weight = if pose.scene == SceneModel::Floor { q.z } else { 0.0 };
-    let (by_group, by_frame, by_rig) = by_poses(pose, &g, &x, weight);
+    let (by_group, mut by_frame, by_rig) = by_poses(&pose, &g, &x, weight);
+    by_frame.set_column(FRAME_POSE, &(projector.linear * seen.point));
+    let by_yaw = by_frame.column(FRAME_YAW) * row;
+    by_frame.set_column(FRAME_POSE + 1, &by_yaw);
+    by_frame.fixed_columns_mut::<2>(FRAME_POSE + 2).fill_with_identity();
     Some(Projection {
         pixel: projector.pixel(&seen.point),
-        by_camera: by_camera(&projector.linear, &seen),
+        by_camera: by_camera(&projector.linear, pose.departure.ln_focal.exp(), &seen),
         by_rig,
         by_group,
         by_frame,
@@ -176,7 +227,7 @@ pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<
     })
 }
 
-fn by_camera(linear: &Matrix2<f64>, seen: &LensProjection) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
+fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
     let mut j = SMatrix::<f64, 2, MOST_CAMERA_NUMBERS>::zeros();
     let d = &seen.point;
     let fy_part = linear[(1, 1)] * d.y;
@@ -184,7 +235,7 @@ fn by_camera(linear: &Matrix2<f64>, seen: &LensProjection) -> SMatrix<f64, 2, MO
     (j[(0, 0)], j[(1, 0)]) = (linear[(0, 0)] * d.x, fy_part);
     j[(1, 1)] = fy_part;
     (j[(0, 2)], j[(1, 3)]) = (1.0, 1.0);
-    j[(0, 4)] = d.y;
+    j[(0, 4)] = scale * d.y;
     j.fixed_columns_mut::<MAX_LENS_PARAMETERS>(MATRIX).copy_from(&(linear * seen.by_parameters));
     j
 }
@@ -261,14 +312,16 @@ mod tests {
             yaw_rad: 0.4,
             position: Vector2::new(0.3, -0.2),
             ln_height_ratio: -0.05,
+            departure: Departure { ln_focal: 0.01, row_turn_rad: 0.02, shift: Vector2::new(0.003, -0.002) },
         };
         let q = Pose::new(scene, &group, &frame).back_project(&Vector3::new(0.21, -0.13, 1.0));
         (camera, rig, group, frame, q)
     }
 
     /// The numbers of all blocks, one after the other, and where each block begins.
-    const BEGIN: [usize; 5] = [0, 10, 16, 19, 25];
-    const ALL: usize = 28;
+    const BEGIN: [usize; 5] = [0, 10, 16, 19, 29];
+    const ALL: usize = 32;
+    const ROW: f64 = -0.4;
 
     /// Lenses of three, five and no numbers.
     fn lenses() -> [Lens; 3] {
@@ -293,7 +346,12 @@ mod tests {
                 0 | 1 => frame.delta_rad[number] += by,
                 2 => frame.yaw_rad += by,
                 3 | 4 => frame.position[number - 3] += by,
-                _ => frame.ln_height_ratio += by,
+                5 => frame.ln_height_ratio += by,
+                _ => {
+                    let mut numbers = frame.departure.numbers();
+                    numbers[number - FRAME_POSE] += by;
+                    frame.departure = Departure::from_numbers(numbers);
+                }
             },
             _ => q[number] += by,
         }
@@ -303,9 +361,9 @@ mod tests {
     fn agrees_with_differences(scene: SceneModel, in_rig: bool, lens: Lens) {
         let pose = |e: &Example| Pose::of(scene, &e.2, &e.3, in_rig.then_some(&e.1));
         let value =
-            |e: &Example| Projector::new(&e.0).project(&pose(e).camera_point(&e.4)).expect("in front of the camera");
+            |e: &Example| Projector::new(&e.0).project_from(&pose(e), &e.4, ROW).expect("in front of the camera");
         let e = example(scene, lens);
-        let p = project_with_derivatives(&Projector::new(&e.0), &pose(&e), &e.4).expect("in front");
+        let p = project_with_derivatives(&Projector::new(&e.0), &pose(&e), &e.4, ROW).expect("in front");
         assert!((p.pixel - value(&e)).norm() < 1e-14);
         for i in 0..ALL {
             const H: f64 = 1e-6;
@@ -362,8 +420,8 @@ mod tests {
                 let pose = Pose::of(scene, &group, &frame, in_rig.then_some(&rig));
                 // Below and above the horizon.
                 for pixel in [Vector2::new(0.3, 0.4), Vector2::new(-0.2, -1.1)] {
-                    let q = pose.back_project(&projector.ray(&pixel).expect("inside the fold"));
-                    let again = projector.project(&pose.camera_point(&q)).expect("in front");
+                    let q = projector.point_of(&pose, &pixel, ROW).expect("inside the fold");
+                    let again = projector.project_from(&pose, &q, ROW).expect("in front");
                     assert!((again - pixel).norm() < 1e-12);
                     let [u, v] = tangent_of(&q);
                     let orthonormal = [u.dot(&q), v.dot(&q), u.dot(&v), u.norm() - 1.0, v.norm() - 1.0];

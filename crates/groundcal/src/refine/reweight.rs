@@ -124,7 +124,7 @@ impl Problem {
             for &t in &c.tracks {
                 let kind = self.kinds[t];
                 for (s, &image) in self.seen[t].iter().zip(&c.images).skip(1) {
-                    let pixel = views.project(image, &state.points[t])?;
+                    let pixel = views.project(image, &state.points[t], s)?;
                     let r = s.whitened(&(pixel - s.pixel)) * (self.weights[kind] * s.robust).sqrt();
                     let half_sides = self.cameras[image.1].image_half_sides;
                     let place =

@@ -6,7 +6,7 @@
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::refine::{
-    blocks::{CameraState, FrameState, GroupState, State},
+    blocks::{CameraState, Departure, FrameState, GroupState, State},
     residual::SceneModel,
 };
 use crate::{
@@ -88,6 +88,7 @@ pub fn state_from_links(
                 yaw_rad: (turn[(0, 1)] - turn[(1, 0)]).atan2(turn[(0, 0)] + turn[(1, 1)]),
                 position: Vector2::new(centre.x, centre.y),
                 ln_height_ratio: centre.z.ln(),
+                departure: Departure::default(),
             })
         })
         .collect::<Option<Vec<_>>>()?;

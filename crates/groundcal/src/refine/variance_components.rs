@@ -9,7 +9,7 @@ use crate::{
         statistics::{VarianceComponent, chi_squared_survival},
     },
     refine::{
-        blocks::{BundleOptions, State},
+        blocks::{BundleOptions, DepartureKind, State},
         problem::{Deviation, Problem, STIFF},
     },
 };
@@ -25,6 +25,9 @@ pub struct Component {
 
 /// Scale of the half-Cauchy prior of σ_h: a tripod or a robot on a floor keeps its height to about this.
 const HEIGHT_SCALE: f64 = 1e-3;
+/// Scales of the half-Cauchy priors of departures: focal lengths (relative), turns while a picture is read out (radians), shifts (frame
+/// units): what focus and stabilisers do is a few thousandths, a pan of 10 degrees a second read out in 1/100 s a tenth of a degree.
+const DEPARTURE_SCALES: [f64; DepartureKind::ALL.len()] = [2e-3, 2e-3, 2e-3];
 /// Directions in which the data must see a variance component before they decide it.
 const MIN_DIRECTIONS: usize = 4;
 /// Relative change at which a component rests.
@@ -48,6 +51,8 @@ pub(crate) struct VarianceComponents {
     pub(crate) attitude: Component,
     /// σ_h, relative.
     pub(crate) height: Component,
+    /// Of each kind of departure.
+    pub(crate) departures: [Component; DepartureKind::ALL.len()],
     /// Chi-squared of the attitudes' deviations under the σ_a in force, and its degrees of freedom.
     pub(crate) agreement: (f64, usize),
 }
@@ -59,6 +64,10 @@ impl VarianceComponents {
         Self {
             attitude: given(options.attitude_sigma_rad.unwrap_or(options.attitude_scale_rad)),
             height: given(options.height_sigma.unwrap_or(1.0)),
+            departures: std::array::from_fn(|k| {
+                let estimated = options.departures.contains(&DepartureKind::ALL[k]);
+                Component { sigma: if estimated { 10.0 * DEPARTURE_SCALES[k] } else { 0.0 }, estimated }
+            }),
             agreement: (0.0, 0),
         }
     }
@@ -86,13 +95,21 @@ impl VarianceComponents {
             let component = VarianceComponent { scale: HEIGHT_SCALE, below: 30.0, above: 1000.0 };
             next.height = Component { sigma: component.posterior(|s| d.log_likelihood(s)), estimated: true };
         }
+        for (k, kind) in DepartureKind::ALL.into_iter().enumerate() {
+            let of_kind = Deviations::new(&problem.departures(state, kind), factor, self.departures[k].sigma);
+            if let Some(d) = &of_kind {
+                let component = VarianceComponent { scale: DEPARTURE_SCALES[k], below: 30.0, above: 100.0 };
+                next.departures[k].sigma = component.posterior(|s| d.log_likelihood(s));
+            }
+        }
         next
     }
 
     /// Whether they are hardly other than those in force. Those given do not move.
     pub(crate) fn rest(&self, in_force: &Self) -> bool {
         let rests = |a: &Component, b: &Component| a.sigma == b.sigma || (a.sigma / b.sigma).ln().abs() < RESTS;
-        rests(&self.attitude, &in_force.attitude) && rests(&self.height, &in_force.height)
+        let departures = self.departures.iter().zip(&in_force.departures).all(|(a, b)| rests(a, b));
+        rests(&self.attitude, &in_force.attitude) && rests(&self.height, &in_force.height) && departures
     }
 }
 

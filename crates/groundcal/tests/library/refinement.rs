@@ -203,6 +203,7 @@ fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
             // The unit of length is the height of the first view.
             position: v.centre.xy() / m.height,
             ln_height_ratio: (v.centre.z / m.height).ln(),
+            departure: groundcal::refine::Departure::default(),
         })
     });
     (frame, tracks, State::of_one_camera(camera, groups, frames.collect()))

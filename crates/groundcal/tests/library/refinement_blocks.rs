@@ -117,6 +117,7 @@ impl Scene {
             yaw_rad: p.yaw,
             position: p.centre.xy(),
             ln_height_ratio: 0.0,
+            departure: groundcal::refine::Departure::default(),
         });
         State {
             cameras: self
