@@ -80,8 +80,9 @@ pub(super) fn from_images<'a>(
     let pairs = if options.pairs.is_some() {
         pairs
     } else {
-        // A picture under two names is one picture.
-        let once = |&(a, b): &(usize, usize)| copies[a].is_none() && copies[b].is_none();
+        // A picture under two names is one picture; where there is no other, matching it says best what is wrong.
+        let all_alike = copies.iter().filter(|c| c.is_none()).count() < 2;
+        let once = |&(a, b): &(usize, usize)| all_alike || (copies[a].is_none() && copies[b].is_none());
         let pairs: Vec<(usize, usize)> = pairs.into_iter().filter(once).collect();
         if images.len() > options.all_pairs_limit {
             pairs
