@@ -3,8 +3,9 @@
 use crate::{
     calibrate::{
         checks::unmodelled_distortion,
+        matter::RefinementOptions,
         options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
-        refinement::{RefinementOptions, refine_motions},
+        refinement::refine_motions,
         solved::{Solved, share_of},
         stage_options::StageOptions,
     },
@@ -32,24 +33,32 @@ pub(super) fn solve_plane_normal(
     observer: &dyn Observer,
 ) -> Result<Solved, Error> {
     let (options, frame, used) = (stages.options, &stages.frame, selection.used());
-    let mut camera = camera_options(pairs, selection, stages);
+    let camera = camera_options(pairs, selection, stages);
     let mut solution = solve_camera_until(&selection.motions(pairs), frame, &camera, observer)?;
-    let refinement = RefinementOptions {
+    let mut refinement = RefinementOptions {
         frame: *frame,
         k2_is_held: options.lens == LensModel::K1,
         bundle: options.refinement(stages.size, &camera, lens.is_estimated()),
+        camera: camera.clone(),
     };
-    // The same weights for every question asked of this solution.
-    (camera.attitude_sigma_rad, camera.estimate_attitude_sigma) = (solution.attitude_sigma_rad, false);
     let mut warnings = Vec::new();
     let mut joint = None;
     if options.method == Method::Joint {
         match refine_motions(pairs, selection, &solution, lens, &refinement, observer) {
-            Ok(refined) => joint = refined,
+            Ok(refined) => {
+                joint = refined.map(|refined| {
+                    warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
+                    (solution, refinement) = (refined.solution, refined.options);
+                    refined.joint
+                })
+            }
             Err(error) if error.is_degenerate() || error == Error::Stopped => return Err(error),
             Err(error) => warnings.push(Warning::NotRefined { reason: error.finding() }),
         }
     }
+    // The same weights for every question asked of this solution.
+    let mut camera = refinement.camera.clone();
+    (camera.attitude_sigma_rad, camera.estimate_attitude_sigma) = (solution.attitude_sigma_rad, false);
     let through = |lens: &Lens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
     let mut lens_share = 0.0;
     if let Some(joint) = &joint {

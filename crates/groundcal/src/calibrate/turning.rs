@@ -6,8 +6,9 @@ use nalgebra::SMatrix;
 use crate::{
     calibrate::{
         joint::Joint,
+        matter::RefinementOptions,
         options::{LensModel, Method},
-        refinement::{RefinementOptions, refine_turning},
+        refinement::refine_turning,
         solved::Solved,
         stage_options::StageOptions,
     },
@@ -100,6 +101,7 @@ fn refined(
         frame: stages.frame,
         k2_is_held: options.lens == LensModel::K1,
         bundle: options.refinement(stages.size, &stages.camera, lens.is_estimated()),
+        camera: stages.camera.clone(),
     };
     Ok((refine_turning(pairs, selection, &k, lens, &refinement, observer)?, refinement))
 }

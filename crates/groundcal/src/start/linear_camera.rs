@@ -339,8 +339,11 @@ fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, prior
         refine(points, &start, Constraint::Auto.free(), priors)
             .filter(|s| s.parameters.iter().all(|v| v.is_finite()) && s.parameters[0].abs() < 5.0)
     };
-    let linear = [Constraint::Square, Constraint::Focal]
+    // Where the aspect ratio may be anything, square pixels are no start.
+    let any_aspect = priors.0[1].is_none_or(|(_, sigma)| sigma > MAX_LN_SIGMA);
+    let linear = [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal]
         .into_iter()
+        .filter(|c| any_aspect || *c != Constraint::ZeroSkew)
         .filter(|c| points.len() >= c.attitudes_needed())
         .find_map(|c| solve_linear(points, c, options.aspect).ok())
         .and_then(attempt);
