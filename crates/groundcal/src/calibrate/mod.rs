@@ -21,6 +21,7 @@ mod refinement;
 mod rotating;
 mod setup;
 mod solved;
+mod soundness;
 mod source;
 mod stage_options;
 mod turning;

@@ -23,10 +23,13 @@ const RELEASE_ODDS: f64 = 1e3;
 /// Standardised distance between a prior's mean and what the data say, from which on the prior is given up where the evidence is
 /// not against it: 6 in 100,000 of a normal variable are beyond.
 const CONFLICT: f64 = 4.0;
-/// Distance, and deviation of the attitudes (radians), up to which a prior is not tried at all: the distance is the square root of the
-/// gain where the attitudes do not stray, and those of a camera that stands still stray by a hundredth of a degree.
+/// Distance, in deviations of both together, between a prior and what the data say without it, below which they do not contradict each
+/// other whatever the evidence says: then the other estimate is another minimum of the same model.
+const CONTRADICTED: f64 = 3.0;
+/// Gain (twice the logarithm of the odds) from which on another minimum is one, and not the same reached otherwise.
+const BETTER_MINIMUM: f64 = 2.0;
+/// Distance up to which a prior is not tried at all: its square is the gain where attitudes do not stray.
 const SUSPECT_DISTANCE: f64 = 2.0;
-const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
 /// Most priors that are released one after the other.
 const MOST_RELEASED: usize = 4;
 
@@ -70,13 +73,10 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
 /// The refinement without the priors of some numbers, where the tracks contradict them; with it twice the logarithm of the odds.
 fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> Result<Option<(f64, Refined)>, Error> {
     let Some(options) = released(&refined.options, refined, numbers) else { return Ok(None) };
-    let distance = numbers.iter().filter_map(|&n| conflict(refined, n)).fold(0.0, f64::max);
-    // What is held has no distance, and the principal point and the lens do not hide in the attitudes' straying.
-    let hides = match numbers {
-        [SKEW] => true,
-        [ASPECT] => refined.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA,
-        _ => false,
-    };
+    let unknowns = &refined.options.bundle.cameras[0];
+    let distance = numbers.iter().filter_map(|&n| refined.joint.prior_conflict(unknowns, n)).fold(0.0, f64::max);
+    // What is held has no distance, and an aspect ratio hides in attitudes that stray; the principal point and the lens do not.
+    let hides = matches!(numbers, [ASPECT] | [SKEW]);
     if distance < SUSPECT_DISTANCE && !hides {
         return Ok(None);
     }
@@ -98,19 +98,26 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
         return Ok(None);
     }
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
+    if found.iter().all(|c| c.deviations() < CONTRADICTED) {
+        return same_prior_from(matter, refined, &without);
+    }
     without.conflicts.extend(found);
     Ok(Some((gain, without)))
 }
 
-/// Standardised distance between the mean of a number's prior and what the data alone say of it.
-fn conflict(refined: &Refined, number: usize) -> Option<f64> {
-    let bundle = &refined.joint.bundle;
-    let (mean, sigma) = refined.options.bundle.cameras[0].prior(number)?;
-    let camera = &bundle.cameras[0];
-    let posterior = camera.covariance[(number, number)] / bundle.widened;
-    let left = sigma * sigma - posterior;
-    // What the data do not narrow they do not contradict.
-    (left > 1e-6 * sigma * sigma).then(|| (camera.state.numbers()[number] - mean).abs() / left.sqrt())
+/// The refinement with its priors as they are from where it came to without one of them, where that is better: it was another minimum,
+/// not the prior, that made the difference.
+fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) -> Result<Option<(f64, Refined)>, Error> {
+    let starts = vec![without.joint.bundle.state.clone()];
+    let again = match matter.refined_again(refined, refined.solution.clone(), refined.options.clone(), starts) {
+        Ok(again) => again,
+        Err(Error::Stopped) => return Err(Error::Stopped),
+        Err(_) => return Ok(None),
+    };
+    let [before, after] = [refined, &again].map(|r| r.joint.bundle.evidence);
+    let (Some(before), Some(after)) = (before, after) else { return Ok(None) };
+    let gain = after.gain_over(&before);
+    Ok((gain > BETTER_MINIMUM).then_some((gain, again)))
 }
 
 /// The options with the priors of some numbers wide; `None`: there is nothing to release.

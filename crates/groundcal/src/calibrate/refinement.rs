@@ -13,7 +13,7 @@ use crate::{
         views::Views,
     },
     error::Error,
-    geometry::{attitude::attitude_rotation, intrinsics::Intrinsics},
+    geometry::{attitude::attitude_rotation, constraint::Constraint, intrinsics::Intrinsics},
     ids::PairId,
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
@@ -22,12 +22,24 @@ use crate::{
         start::{floor_deviation, rotations_from_links, state_from_links},
     },
     select::selection::Selection,
-    start::linear_camera::CameraSolution,
+    start::linear_camera::{CameraOptions, CameraSolution, solve_camera_until},
 };
 
 /// Relative deviation of f from which on other focal lengths are tried as starts, and those.
 const VAGUE: f64 = 0.03;
 const FACTORS_WHERE_VAGUE: [f64; 3] = [1.0, 0.8, 1.25];
+
+/// The same where a refinement came to nothing.
+const FACTORS_WHERE_LOST: [f64; 5] = [1.0, 0.5, 0.71, 1.41, 2.0];
+
+/// Where to refine from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Starts {
+    /// The closed-form solution, and near it where it is vague.
+    Usual,
+    /// Solutions under other constraints and other focal lengths, too.
+    Many,
+}
 
 /// Matches that link views of different attitudes, how far their homography may be from one of the floor (radians and relative
 /// lengths), how many links a view has at most, and by how much they may raise the variance of the residuals of patches and of
@@ -51,13 +63,22 @@ pub(super) fn refine_motions(
     solution: &CameraSolution,
     lens: &KnownLens,
     options: &RefinementOptions,
+    starts: Starts,
     observer: &dyn Observer,
 ) -> Result<Option<Refined>, Error> {
     let Some(matter) = Matter::new(pairs, selection, solution, lens, options, observer) else { return Ok(None) };
     // A focal length that the closed form hardly knows may be another.
     let vague = solution.covariance_px[(0, 0)].sqrt() > VAGUE * solution.intrinsics.fx;
-    let factors: &[f64] = if vague { &FACTORS_WHERE_VAGUE } else { &[1.0] };
-    let starts = factors.iter().filter_map(|factor| matter.start(solution, *factor)).collect();
+    let factors: &[f64] = match starts {
+        Starts::Many => &FACTORS_WHERE_LOST,
+        Starts::Usual if vague => &FACTORS_WHERE_VAGUE,
+        Starts::Usual => &[1.0],
+    };
+    let mut solutions = vec![solution.clone()];
+    if starts == Starts::Many {
+        solutions.extend(under_other_constraints(&matter, options));
+    }
+    let starts = solutions.iter().flat_map(|s| factors.iter().filter_map(|factor| matter.start(s, *factor))).collect();
     let joint = adjusted(matter.scene, matter.setup.clone(), matter.views.clone(), starts, options, observer)?;
     let refined = matter.refined(joint, solution.clone(), options.clone());
     let refined = release_contradicted_priors(&matter, refined)?;
@@ -67,6 +88,15 @@ pub(super) fn refine_motions(
     let linked = with_cross_links(&matter, refined)?;
     // With more that is seen, more may be contradicted.
     release_contradicted_priors(&matter, linked).map(Some)
+}
+
+/// The closed form under the constraints that are tried when that asked for leads nowhere.
+fn under_other_constraints(matter: &Matter<'_>, options: &RefinementOptions) -> Vec<CameraSolution> {
+    let under = |constraint: Constraint| {
+        let camera = CameraOptions { constraint, ..options.camera.clone() };
+        solve_camera_until(&matter.motions, &options.frame, &camera, matter.observer).ok()
+    };
+    [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal].into_iter().filter_map(under).collect()
 }
 
 /// Refined again with the ordinary matches of views of different attitudes that see the same floor; as it was where there are

@@ -10,6 +10,7 @@ use crate::{
         options::{LensModel, Method},
         refinement::refine_turning,
         solved::Solved,
+        soundness::check_soundness,
         stage_options::StageOptions,
     },
     error::Error,
@@ -46,7 +47,7 @@ pub(super) fn rotations_explain(
 /// The camera of the rotations selected.
 ///
 /// # Errors
-/// See [`refine_turning`].
+/// See [`refine_turning`] and [`check_soundness`].
 pub(super) fn solve_turning(
     pairs: &[PairObservation],
     selection: &Selection,
@@ -56,6 +57,7 @@ pub(super) fn solve_turning(
     observer: &dyn Observer,
 ) -> Result<Solved, Error> {
     let (joint, refinement) = refined(pairs, selection, focal_px, lens, stages, observer)?;
+    check_soundness(&joint, stages.size)?;
     let (frame, constraint) = (&stages.frame, stages.options.constraint);
     let free = constraint.free();
     // No closed form: rotations need no plane-normal motions, which it is made of.
@@ -80,6 +82,7 @@ pub(super) fn solve_turning(
         lens_share: joint.share_of_lens().sqrt(),
         joint: Some(joint),
         used: selection.used(),
+        selection: None,
         rotations_rad: None,
         amplification: None,
         warnings: Vec::new(),

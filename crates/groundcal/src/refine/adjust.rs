@@ -4,7 +4,7 @@
 use crate::{
     error::Error,
     numerics::{
-        levenberg_marquardt::{LmOutput, minimise_until},
+        levenberg_marquardt::{Linearisation, LmOutput, minimise_until},
         skyline::SkylineCholesky,
     },
     observer::{Observer, Silent},
@@ -218,6 +218,7 @@ impl<'a> Rounds<'a> {
             cost: out.cost,
             squared_residuals,
             iterations: self.iterations,
+            left_to_gain: out.linearised.solve(0.0).map_or(f64::INFINITY, |step| step.predicted_decrease),
             stop: out.stop,
             state: out.state,
         })

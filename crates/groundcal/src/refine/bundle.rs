@@ -189,6 +189,8 @@ pub struct Bundle {
     pub squared_residuals: Vec<Vec<f64>>,
     /// Steps tried, over all rounds.
     pub iterations: usize,
+    /// By how much a further step would still lower the cost: 0.5 is one standard deviation in one direction.
+    pub left_to_gain: f64,
     /// Why the last loop ended.
     pub stop: StopReason,
 }

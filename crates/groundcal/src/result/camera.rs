@@ -164,6 +164,10 @@ pub struct Prior {
     pub sigma: f64,
     /// Posterior over prior standard deviation: near 1 the prior decided, near 0 the images did.
     pub posterior_over_prior: f64,
+    /// Distance between the mean and what the images alone say, in deviations of both together; `None`: they say nothing of it, or the
+    /// method does not tell. Priors beyond 4 are released ([`PriorConflict`]), unless the images are no likelier without them.
+    #[serde(default)]
+    pub conflict: Option<f64>,
 }
 
 /// A prior that the images contradicted, and that was released for it.

@@ -90,6 +90,8 @@ pub struct PriorUse {
     pub sigma: f64,
     /// Posterior over prior standard deviation: 1 says that the prior alone decided, 0 that the images did.
     pub posterior_over_prior: f64,
+    /// Distance between the mean and what the images alone say, in deviations of both together; `None`: not known.
+    pub conflict: Option<f64>,
 }
 
 /// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
@@ -144,6 +146,7 @@ impl CameraOptions {
                     mean,
                     sigma: sigma * unit,
                     posterior_over_prior: covariance[(i, i)].max(0.0).sqrt() / sigma,
+                    conflict: None,
                 })
             })
             .collect()
