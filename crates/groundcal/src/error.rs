@@ -87,6 +87,14 @@ pub enum Error {
         /// What to do next: any of these.
         remedies: Vec<Remedy>,
     },
+    /// There is a camera, but not one that can be vouched for: its refinement came to no end, leaves residuals that the noise does not, or is
+    /// none that a lens could have.
+    Unsound {
+        /// What is wrong with it, with numbers.
+        reason: String,
+        /// What to do next: any of these.
+        remedies: Vec<Remedy>,
+    },
     /// The observer asked for it ([`crate::observer::Observer::stopped`]).
     Stopped,
     /// A computation that should not fail did.
@@ -150,6 +158,7 @@ impl Error {
                 "no real camera fits these motions under `{constraint}`: the image of the absolute conic has eigenvalues {a:.3e}, {b:.3e}, \
                  {c:.3e} (all must have one sign). The motions are too noisy, too alike or not turns about the floor's normal"
             ),
+            Error::Unsound { reason, .. } => format!("no camera that can be vouched for: {reason}"),
             Error::Numerical { stage, detail } => format!("internal numerical failure in {stage}: {detail}"),
         }
     }
@@ -164,6 +173,7 @@ impl Error {
             Error::NoCommonPlane { .. } => vec![Remedy::CheckImages],
             Error::NoUsableMotion { remedies, .. }
             | Error::Undetermined { remedies, .. }
+            | Error::Unsound { remedies, .. }
             | Error::NotPositiveDefinite { remedies, .. } => remedies.clone(),
             Error::TooFewAttitudes { alternatives, .. } => {
                 vec![Remedy::TiltOrRoll { deg: 20.0 }, Remedy::UseConstraint { any_of: alternatives.clone() }]

@@ -104,6 +104,7 @@ fn short_name(error: &Error) -> &'static str {
         Error::NoUsableMotion { .. } => "no_usable_motion",
         Error::TooFewAttitudes { .. } => "too_few_attitudes",
         Error::Undetermined { .. } => "undetermined",
+        Error::Unsound { .. } => "unsound",
         Error::NotPositiveDefinite { .. } => "not_positive_definite",
         Error::Numerical { .. } => "numerical",
         _ => "other",

@@ -7,7 +7,10 @@ use crate::{
     geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
     ids::{GroupId, PairId},
     numerics::{levenberg_marquardt::StopReason, linalg::inverse_spd},
-    refine::{Bundle, BundleOptions, CAMERA, GroupEstimate, Kind, Track, bundle::pixels_by_camera, disagreement},
+    refine::{
+        Bundle, BundleOptions, CAMERA, CameraUnknowns, GroupEstimate, Kind, Track, bundle::pixels_by_camera,
+        disagreement,
+    },
     result::{Refinement, ResidualReport},
     start::linear_camera::{CameraSolution, PriorParameter, PriorUse},
 };
@@ -18,6 +21,9 @@ pub(super) struct SharedFloors {
     pub(super) agree: usize,
     pub(super) contradict: usize,
 }
+
+/// Part of a prior's variance by which the data must narrow it to say anything of its number.
+const NARROWED: f64 = 1e-6;
 
 /// A refined calibration with the images its views are.
 pub(super) struct Joint {
@@ -125,6 +131,16 @@ impl Joint {
         }
     }
 
+    /// Distance between the mean of a number's prior and what the data alone say of it, in deviations of both together; `None` where it
+    /// has no prior or the data say nothing of it.
+    pub(super) fn prior_conflict(&self, unknowns: &CameraUnknowns, number: usize) -> Option<f64> {
+        let (mean, sigma) = unknowns.prior(number)?;
+        let camera = &self.bundle.cameras[0];
+        let left = sigma * sigma - camera.covariance[(number, number)] / self.bundle.widened;
+        let moved = (camera.state.numbers()[number] - mean).abs();
+        (left > NARROWED * sigma * sigma).then(|| moved / left.sqrt())
+    }
+
     /// The closed-form solution with the refined numbers in their places.
     pub(super) fn solution(&self, start: CameraSolution, options: &BundleOptions) -> CameraSolution {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
@@ -134,12 +150,14 @@ impl Joint {
         let of_camera = start.priors.into_iter().map(|p| {
             let index = PriorParameter::ALL.iter().position(|n| *n == p.parameter);
             let known = index.and_then(|i| Some(ratio(i, unknowns.prior(i)?.1)));
-            PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), ..p }
+            let conflict = index.and_then(|i| self.prior_conflict(unknowns, i));
+            PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), conflict, ..p }
         });
         let of_lens = (5..CAMERA).filter_map(|i| {
             let (mean, sigma) = unknowns.prior(i)?;
             let parameter = PriorParameter::ALL[i];
-            Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma) })
+            let conflict = self.prior_conflict(unknowns, i);
+            Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma), conflict })
         });
         let priors = of_camera.chain(of_lens).collect();
         let mut estimated = start.estimated;

@@ -40,6 +40,7 @@ pub(super) fn assemble(
     before: Vec<Warning>,
 ) -> Calibration {
     let joint = solved.joint.as_ref();
+    let selection = solved.selection.as_ref().unwrap_or(selection);
     let lens = LensResult::new(known, joint, &solved.solution);
     let attitudes = attitudes_of(solved, pairs, stages);
     let mut warnings = before;
@@ -106,6 +107,7 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
                 mean: p.mean,
                 sigma: p.sigma,
                 posterior_over_prior: p.posterior_over_prior,
+                conflict: p.conflict,
             })
             .collect(),
         attitude_sigma_estimated: s.attitude_sigma_estimated,

@@ -3,9 +3,10 @@
 use crate::{
     calibrate::{
         checks::unmodelled_distortion,
+        matter::RefinementOptions,
         options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
-        refinement::{RefinementOptions, refine_motions},
         solved::{Solved, share_of},
+        soundness::{check_field_of_view, refine_until_sound},
         stage_options::StageOptions,
     },
     error::Error,
@@ -23,7 +24,7 @@ use crate::{
 /// The camera of the motions selected.
 ///
 /// # Errors
-/// See [`solve_camera_until`] and [`refine_motions`]; [`Error::Stopped`].
+/// See [`solve_camera_until`] and [`refine_until_sound`]; [`Error::Stopped`].
 pub(super) fn solve_plane_normal(
     pairs: &[PairObservation],
     selection: &Selection,
@@ -31,25 +32,31 @@ pub(super) fn solve_plane_normal(
     stages: &StageOptions<'_>,
     observer: &dyn Observer,
 ) -> Result<Solved, Error> {
-    let (options, frame, used) = (stages.options, &stages.frame, selection.used());
-    let mut camera = camera_options(pairs, selection, stages);
+    let (options, frame) = (stages.options, &stages.frame);
+    let camera = camera_options(pairs, selection, stages);
     let mut solution = solve_camera_until(&selection.motions(pairs), frame, &camera, observer)?;
-    let refinement = RefinementOptions {
+    let mut refinement = RefinementOptions {
         frame: *frame,
         k2_is_held: options.lens == LensModel::K1,
         bundle: options.refinement(stages.size, &camera, lens.is_estimated()),
+        camera: camera.clone(),
     };
-    // The same weights for every question asked of this solution.
-    (camera.attitude_sigma_rad, camera.estimate_attitude_sigma) = (solution.attitude_sigma_rad, false);
     let mut warnings = Vec::new();
-    let mut joint = None;
+    let (mut joint, mut left) = (None, None);
     if options.method == Method::Joint {
-        match refine_motions(pairs, selection, &solution, lens, &refinement, observer) {
-            Ok(refined) => joint = refined,
-            Err(error) if error.is_degenerate() || error == Error::Stopped => return Err(error),
-            Err(error) => warnings.push(Warning::NotRefined { reason: error.finding() }),
+        let told = (&refinement, stages.size);
+        if let Some(sound) = refine_until_sound(pairs, selection, &solution, lens, told, observer)? {
+            let refined = sound.refined;
+            warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
+            (solution, refinement) = (refined.solution, refined.options);
+            joint = Some(refined.joint);
+            left = sound.selection;
         }
     }
+    let used = left.as_ref().unwrap_or(selection).used();
+    // The same weights for every question asked of this solution.
+    let mut camera = refinement.camera.clone();
+    (camera.attitude_sigma_rad, camera.estimate_attitude_sigma) = (solution.attitude_sigma_rad, false);
     let through = |lens: &Lens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
     let mut lens_share = 0.0;
     if let Some(joint) = &joint {
@@ -61,11 +68,23 @@ pub(super) fn solve_plane_normal(
         solution.covariance_px += added;
         lens_share = share_of(&added, &solution.covariance_px);
     }
+    check_field_of_view(&solution.intrinsics, stages.size)?;
     warnings.extend(unmodelled_distortion(pairs, lens, &solution.intrinsics, through)?);
     let method = if joint.is_some() { Method::Joint } else { Method::Linear };
     let constraint = options.constraint;
     let (rotations_rad, amplification) = (None, None);
-    Ok(Solved { method, constraint, solution, joint, used, lens_share, rotations_rad, amplification, warnings })
+    Ok(Solved {
+        method,
+        constraint,
+        solution,
+        joint,
+        used,
+        selection: left,
+        lens_share,
+        rotations_rad,
+        amplification,
+        warnings,
+    })
 }
 
 /// A single motion before a background that stands still is a thing moved before a fixed camera, by an arm or by hand: its axis

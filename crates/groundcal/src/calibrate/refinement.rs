@@ -6,40 +6,40 @@ use nalgebra::Matrix3;
 
 use crate::{
     calibrate::{
-        attitude::Attitude,
         joint::{Joint, SharedFloors},
-        setup::{Setup, ViewGroups, starting_camera},
+        matter::{Matter, Refined, RefinementOptions, adjusted},
+        prior_conflicts::release_contradicted_priors,
+        setup::{Setup, starting_camera},
         views::Views,
     },
     error::Error,
-    geometry::{attitude::attitude_rotation, frame::Frame, intrinsics::Intrinsics},
+    geometry::{attitude::attitude_rotation, constraint::Constraint, intrinsics::Intrinsics},
     ids::PairId,
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{
-        BundleOptions, Kind, SceneModel, State,
-        adjust::adjust_until,
+        Kind, SceneModel,
         start::{floor_deviation, rotations_from_links, state_from_links},
     },
-    remedy::Remedy,
-    select::{attitude_groups::AttitudeGroup, selection::Selection},
-    start::linear_camera::CameraSolution,
+    select::selection::Selection,
+    start::linear_camera::{CameraOptions, CameraSolution, solve_camera_until},
 };
-
-/// Options of [`refine_motions`] and [`refine_turning`].
-#[derive(Debug, Clone)]
-pub(super) struct RefinementOptions {
-    /// Frame of the estimation.
-    pub(super) frame: Frame,
-    /// An estimated lens has no k2.
-    pub(super) k2_is_held: bool,
-    /// What is free, priors, variance components.
-    pub(super) bundle: BundleOptions,
-}
 
 /// Relative deviation of f from which on other focal lengths are tried as starts, and those.
 const VAGUE: f64 = 0.03;
 const FACTORS_WHERE_VAGUE: [f64; 3] = [1.0, 0.8, 1.25];
+
+/// The same where a refinement came to nothing.
+const FACTORS_WHERE_LOST: [f64; 5] = [1.0, 0.5, 0.71, 1.41, 2.0];
+
+/// Where to refine from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Starts {
+    /// The closed-form solution, and near it where it is vague.
+    Usual,
+    /// Solutions under other constraints and other focal lengths, too.
+    Many,
+}
 
 /// Matches that link views of different attitudes, how far their homography may be from one of the floor (radians and relative
 /// lengths), how many links a view has at most, and by how much they may raise the variance of the residuals of patches and of
@@ -52,11 +52,8 @@ const MAX_LINK_POINT_VARIANCE: f64 = 3.0;
 /// Deviation of such a homography from which on it contradicts the two attitudes.
 const CONTRADICTION: f64 = 0.1;
 
-/// Variance of the residuals under rotations, in units of the matching noise, that no real lens and distant scene come near.
-const MAX_ROTATION_VARIANCE: f64 = 100.0;
-
 /// Refines the closed-form solution on the matches of the motions selected, and on those of pairs of different attitudes that see
-/// the same floor. `None` when there are no matches to refine on.
+/// the same floor, with priors that the matches contradict released. `None` when there are no matches to refine on.
 ///
 /// # Errors
 /// See [`crate::refine::adjust`]; [`Error::Stopped`].
@@ -66,67 +63,55 @@ pub(super) fn refine_motions(
     solution: &CameraSolution,
     lens: &KnownLens,
     options: &RefinementOptions,
+    starts: Starts,
     observer: &dyn Observer,
-) -> Result<Option<Joint>, Error> {
-    let (used, frame) = (selection.used(), &options.frame);
-    let views = Views::of_pairs(&used, pairs);
-    let Some(groups) = ViewGroups::of_motions(&used, pairs, &views, solution) else { return Ok(None) };
-    let Some(setup) = Setup::of_pairs(&used, pairs, &views, lens.lens(), frame) else { return Ok(None) };
-    let scene = if selection.is_far_away() { SceneModel::Directions } else { SceneModel::Floor };
+) -> Result<Option<Refined>, Error> {
+    let Some(matter) = Matter::new(pairs, selection, solution, lens, options, observer) else { return Ok(None) };
     // A focal length that the closed form hardly knows may be another.
     let vague = solution.covariance_px[(0, 0)].sqrt() > VAGUE * solution.intrinsics.fx;
-    let factors: &[f64] = if vague { &FACTORS_WHERE_VAGUE } else { &[1.0] };
-    let start = |factor: &f64| {
-        let k = &solution.intrinsics;
-        let k = Intrinsics { fx: k.fx * factor, fy: k.fy * factor, ..*k };
-        let of_solution = attitudes_under(&k, pairs, &used, solution, frame);
-        let attitudes: Vec<Matrix3<f64>> = groups.attitudes.iter().map(|&a| of_solution[a]).collect();
-        let camera = starting_camera(&k, lens, options.k2_is_held, frame);
-        state_from_links(scene, camera, &k, &attitudes, &groups.indices(), &setup.links)
+    let factors: &[f64] = match starts {
+        Starts::Many => &FACTORS_WHERE_LOST,
+        Starts::Usual if vague => &FACTORS_WHERE_VAGUE,
+        Starts::Usual => &[1.0],
     };
-    let starts = factors.iter().filter_map(start).collect();
-    let mut joint = adjusted(scene, setup, views, starts, options, observer)?;
-    joint.attitudes.clone_from(&groups.attitudes);
-    if scene == SceneModel::Directions || solution.groups.len() < 2 {
-        return Ok(Some(joint));
+    let mut solutions = vec![solution.clone()];
+    if starts == Starts::Many {
+        solutions.extend(under_other_constraints(&matter, options));
     }
-    with_cross_links(joint, pairs, &used, &groups, lens, options, observer).map(Some)
+    let starts = solutions.iter().flat_map(|s| factors.iter().filter_map(|factor| matter.start(s, *factor))).collect();
+    let joint = adjusted(matter.scene, matter.setup.clone(), matter.views.clone(), starts, options, observer)?;
+    let refined = matter.refined(joint, solution.clone(), options.clone());
+    let refined = release_contradicted_priors(&matter, refined)?;
+    if matter.scene == SceneModel::Directions || refined.solution.groups.len() < 2 {
+        return Ok(Some(refined));
+    }
+    let linked = with_cross_links(&matter, refined)?;
+    // With more that is seen, more may be contradicted.
+    release_contradicted_priors(&matter, linked).map(Some)
 }
 
-/// Attitudes of the groups of a solution as their circular points say under a camera matrix.
-fn attitudes_under(
-    k: &Intrinsics,
-    pairs: &[PairObservation],
-    used: &[PairId],
-    solution: &CameraSolution,
-    frame: &Frame,
-) -> Vec<Matrix3<f64>> {
-    let of = |group: &AttitudeGroup| {
-        let attitude = Attitude::of_group(group, k, frame, pairs, used);
-        attitude_rotation(attitude.pitch_down_rad, attitude.roll_rad)
+/// The closed form under the constraints that are tried when that asked for leads nowhere.
+fn under_other_constraints(matter: &Matter<'_>, options: &RefinementOptions) -> Vec<CameraSolution> {
+    let under = |constraint: Constraint| {
+        let camera = CameraOptions { constraint, ..options.camera.clone() };
+        solve_camera_until(&matter.motions, &options.frame, &camera, matter.observer).ok()
     };
-    solution.groups.iter().map(of).collect()
+    [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal].into_iter().filter_map(under).collect()
 }
 
 /// Refined again with the ordinary matches of views of different attitudes that see the same floor; as it was where there are
 /// none, or where they contradict the motions.
-fn with_cross_links(
-    mut joint: Joint,
-    pairs: &[PairObservation],
-    used: &[PairId],
-    groups: &ViewGroups,
-    lens: &KnownLens,
-    options: &RefinementOptions,
-    observer: &dyn Observer,
-) -> Result<Joint, Error> {
-    let (cross_links, floors) = cross_attitude_links(&joint, pairs, used);
-    joint.floors = floors;
+fn with_cross_links(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined, Error> {
+    let (pairs, used) = (matter.pairs, &matter.used);
+    let (cross_links, floors) = cross_attitude_links(&refined.joint, pairs, used);
+    refined.joint.floors = floors;
     if cross_links.is_empty() {
-        return Ok(joint);
+        return Ok(refined);
     }
+    let (joint, options) = (&refined.joint, &refined.options);
     let all: Vec<PairId> = used.iter().chain(&cross_links).copied().collect();
-    let Some(setup) = Setup::of_pairs(&all, pairs, &joint.views, lens.lens(), &options.frame) else {
-        return Ok(joint);
+    let Some(setup) = Setup::of_pairs(&all, pairs, &joint.views, matter.lens.lens(), &options.frame) else {
+        return Ok(refined);
     };
     let state = &joint.bundle.state;
     let attitudes: Vec<Matrix3<f64>> = state.groups.iter().map(|g| g.attitude).collect();
@@ -135,24 +120,26 @@ fn with_cross_links(
         state.cameras[0],
         &joint.intrinsics,
         &attitudes,
-        &groups.indices(),
+        &matter.group_of_view,
         &setup.links,
     );
     let starts = start.into_iter().collect();
-    let mut linked = match adjusted(joint.bundle.scene, setup, joint.views.clone(), starts, options, observer) {
+    let linked = adjusted(joint.bundle.scene, setup, joint.views.clone(), starts, options, matter.observer);
+    let mut linked = match linked {
         Ok(linked) => linked,
         Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(_) => return Ok(joint),
+        Err(_) => return Ok(refined),
     };
     let raised = |kind: Kind| {
-        let [before, after] = [&joint, &linked].map(|j| j.bundle.variance_factors[kind as usize]);
+        let [before, after] = [joint, &linked].map(|j| j.bundle.variance_factors[kind as usize]);
         after / before
     };
     if raised(Kind::Patch) > MAX_LINK_VARIANCE || raised(Kind::Point) > MAX_LINK_POINT_VARIANCE {
-        return Ok(joint);
+        return Ok(refined);
     }
-    (linked.cross_links, linked.attitudes, linked.floors) = (cross_links, joint.attitudes, joint.floors);
-    Ok(linked)
+    (linked.cross_links, linked.floors) = (cross_links, floors);
+    linked.attitudes.clone_from(&joint.attitudes);
+    Ok(Refined { joint: linked, ..refined })
 }
 
 /// Pairs of views of different attitudes whose homographies are of the floor that both look at.
@@ -206,35 +193,4 @@ pub(super) fn refine_turning(
     let camera = starting_camera(k, lens, options.k2_is_held, frame);
     let start = state_from_links(SceneModel::Directions, camera, k, &attitudes, &groups, &setup.links);
     adjusted(SceneModel::Directions, setup, views, start.into_iter().collect(), &options, observer)
-}
-
-/// Refines from starts.
-fn adjusted(
-    scene: SceneModel,
-    setup: Setup,
-    views: Views,
-    starts: Vec<State>,
-    options: &RefinementOptions,
-    observer: &dyn Observer,
-) -> Result<Joint, Error> {
-    if starts.is_empty() {
-        return Err(Error::Numerical {
-            stage: "joint refinement",
-            detail: "the homographies of the motions fit no camera".into(),
-        });
-    }
-    let bundle = adjust_until(scene, &setup.tracks, starts, &options.bundle, observer)?;
-    let [patches, points] = bundle.variance_factors;
-    if scene == SceneModel::Directions && patches.max(points) > MAX_ROTATION_VARIANCE {
-        return Err(Error::NoUsableMotion {
-            pairs: setup.links.len(),
-            reason: format!(
-                "the points lie above and below the horizon, as those far from a camera that turns on the spot do, but rotations \
-                 leave residuals {:.0} times as large as the matching noise: the camera moved, before a scene that is no floor",
-                patches.max(points).sqrt()
-            ),
-            remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
-        });
-    }
-    Ok(Joint::new(bundle, setup.tracks, views, &options.frame))
 }

@@ -79,6 +79,7 @@ pub(super) fn solve_rotating(
         solution,
         joint: None,
         used,
+        selection: None,
         lens_share: share_of(&added, &covariance_px),
         rotations_rad: Some(found.rotations.iter().map(|rotation| rotation.angle_rad).collect()),
         amplification: None,

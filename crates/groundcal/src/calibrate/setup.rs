@@ -26,6 +26,7 @@ const COMMON_NOISE_MATCHES: f64 = 20.0;
 const REACH: f64 = 5.0;
 
 /// Views joined by homographies, and the points that they see.
+#[derive(Clone)]
 pub(super) struct Setup {
     pub(super) links: Vec<Link>,
     pub(super) tracks: Vec<Track>,

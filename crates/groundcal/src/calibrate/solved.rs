@@ -6,6 +6,7 @@ use crate::{
     calibrate::{joint::Joint, options::Method},
     ids::PairId,
     result::Warning,
+    select::selection::Selection,
     start::{absolute_conic::Constraint, linear_camera::CameraSolution},
 };
 
@@ -21,6 +22,8 @@ pub(super) struct Solved {
     pub(super) joint: Option<Joint>,
     /// The pairs used, ascending; members of the solution's groups count in it.
     pub(super) used: Vec<PairId>,
+    /// Where motions were dropped because no camera could be refined with them: the selection without them.
+    pub(super) selection: Option<Selection>,
     /// How much of the deviation of f comes from the lens.
     pub(super) lens_share: f64,
     /// Angles of the pairs used where they are rotations about any axes, radians.

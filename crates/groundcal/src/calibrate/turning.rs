@@ -6,9 +6,11 @@ use nalgebra::SMatrix;
 use crate::{
     calibrate::{
         joint::Joint,
+        matter::RefinementOptions,
         options::{LensModel, Method},
-        refinement::{RefinementOptions, refine_turning},
+        refinement::refine_turning,
         solved::Solved,
+        soundness::check_soundness,
         stage_options::StageOptions,
     },
     error::Error,
@@ -45,7 +47,7 @@ pub(super) fn rotations_explain(
 /// The camera of the rotations selected.
 ///
 /// # Errors
-/// See [`refine_turning`].
+/// See [`refine_turning`] and [`check_soundness`].
 pub(super) fn solve_turning(
     pairs: &[PairObservation],
     selection: &Selection,
@@ -55,6 +57,7 @@ pub(super) fn solve_turning(
     observer: &dyn Observer,
 ) -> Result<Solved, Error> {
     let (joint, refinement) = refined(pairs, selection, focal_px, lens, stages, observer)?;
+    check_soundness(&joint, stages.size)?;
     let (frame, constraint) = (&stages.frame, stages.options.constraint);
     let free = constraint.free();
     // No closed form: rotations need no plane-normal motions, which it is made of.
@@ -79,6 +82,7 @@ pub(super) fn solve_turning(
         lens_share: joint.share_of_lens().sqrt(),
         joint: Some(joint),
         used: selection.used(),
+        selection: None,
         rotations_rad: None,
         amplification: None,
         warnings: Vec::new(),
@@ -100,6 +104,7 @@ fn refined(
         frame: stages.frame,
         k2_is_held: options.lens == LensModel::K1,
         bundle: options.refinement(stages.size, &stages.camera, lens.is_estimated()),
+        camera: stages.camera.clone(),
     };
     Ok((refine_turning(pairs, selection, &k, lens, &refinement, observer)?, refinement))
 }

@@ -87,15 +87,9 @@ impl VarianceComponent {
     /// The root of the posterior mean of the variance, given the logarithm of the (restricted) likelihood: with few data it
     /// stays wide.
     pub fn posterior(&self, log_likelihood: impl Fn(f64) -> f64) -> f64 {
-        const STEPS: i32 = 48;
-        let (low, high) = (-self.below.ln(), self.above.ln());
-        let scored: Vec<(f64, f64)> = (0..=STEPS)
-            .map(|i| {
-                let relative = (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp();
-                // The grid's measure is that of ln σ.
-                let prior = -(1.0 + relative * relative).ln() + relative.ln();
-                (self.scale * relative, prior + log_likelihood(self.scale * relative))
-            })
+        let scored: Vec<(f64, f64)> = self
+            .grid()
+            .map(|(sigma, prior)| (sigma, prior + log_likelihood(sigma)))
             .filter(|(_, score)| score.is_finite())
             .collect();
         let best = scored.iter().map(|s| s.1).fold(f64::NEG_INFINITY, f64::max);
@@ -106,6 +100,28 @@ impl VarianceComponent {
             moment += weight * sigma * sigma;
         }
         if mass > 0.0 { (moment / mass).sqrt() } else { self.scale }
+    }
+
+    /// Logarithm of the mean likelihood over the prior: the evidence, whatever the deviation is.
+    pub(crate) fn log_evidence(&self, log_likelihood: impl Fn(f64) -> f64) -> f64 {
+        let scored: Vec<(f64, f64)> = self.grid().map(|(sigma, prior)| (prior, log_likelihood(sigma))).collect();
+        let best = scored.iter().map(|s| s.1).filter(|l| l.is_finite()).fold(f64::NEG_INFINITY, f64::max);
+        let (mut mass, mut sum) = (0.0, 0.0);
+        for (prior, likelihood) in scored {
+            mass += prior.exp();
+            sum += (prior + likelihood - best).exp();
+        }
+        best + (sum / mass).ln()
+    }
+
+    /// Values of the deviation with the logarithm of their prior, in the measure of ln σ.
+    fn grid(&self) -> impl Iterator<Item = (f64, f64)> {
+        const STEPS: i32 = 48;
+        let (low, high, scale) = (-self.below.ln(), self.above.ln(), self.scale);
+        (0..=STEPS).map(move |i| {
+            let relative = (low + (high - low) * f64::from(i) / f64::from(STEPS)).exp();
+            (scale * relative, -(1.0 + relative * relative).ln() + relative.ln())
+        })
     }
 }
 
@@ -135,6 +151,16 @@ mod tests {
             assert!((chi_squared_survival(value, dof) - expected).abs() < 1e-6, "{value} {dof}");
         }
         assert!((chi_squared_2_quantile(0.05) - 5.991_464_5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn evidence_of_a_deviation_is_the_mean_of_its_likelihood() {
+        let component = VarianceComponent { scale: 0.1, below: 30.0, above: 50.0 };
+        // A likelihood that does not depend on it, and one so steep that a single value of the grid counts.
+        assert!((component.log_evidence(|_| -7.5) + 7.5).abs() < 1e-12);
+        let told = component.log_evidence(|sigma| if (sigma / 0.1f64).ln().abs() < 0.05 { 0.0 } else { -1e4 });
+        let chance = told.exp();
+        assert!(chance > 0.01 && chance < 0.1, "one step of 48, where the prior is greatest: {chance}");
     }
 
     #[test]

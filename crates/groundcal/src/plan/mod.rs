@@ -523,6 +523,7 @@ impl Planner {
                 mean: value,
                 sigma: sigma * unit,
                 posterior_over_prior: covariance[(i, i)].sqrt() / sigma,
+                conflict: None,
             })
         };
         (0..NUMBERS).filter_map(of).collect()

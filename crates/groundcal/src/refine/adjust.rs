@@ -4,7 +4,7 @@
 use crate::{
     error::Error,
     numerics::{
-        levenberg_marquardt::{LmOutput, minimise_until},
+        levenberg_marquardt::{Linearisation, LmOutput, minimise_until},
         skyline::SkylineCholesky,
     },
     observer::{Observer, Silent},
@@ -13,6 +13,7 @@ use crate::{
         bundle::Bundle,
         covariance::Solution,
         elimination::Reduced,
+        evidence::Evidence,
         layout::Ingredients,
         problem::Problem,
         profile::profile_widening,
@@ -200,6 +201,10 @@ impl<'a> Rounds<'a> {
         observer.go_on()?;
         let widened = student * unexplained * nonlinear * nonlinear;
         let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };
+        let variance_factors = std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k]));
+        let residuals = std::array::from_fn(|k| (weighing.of_kinds[k], variance_factors[k]));
+        let at = (&out.state, &out.linearised);
+        let evidence = Evidence::new(problem, at, &factor, components, residuals, self.effects);
         let observations_of =
             |k: usize| tracks.iter().filter(|t| t.kind as usize == k).map(|t| t.observations.len()).sum();
         Ok(Bundle {
@@ -214,15 +219,18 @@ impl<'a> Rounds<'a> {
                 sigma: problem.departure_sigmas[k],
                 ..components.departures[k]
             }),
-            variance_factors: std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k])),
+            variance_factors,
             design_effects: self.effects,
             counts: [problem.observations(), problem.tracks(), problem.layout.size],
             observations_of: std::array::from_fn(observations_of),
             degrees_of_freedom: dof,
             agreement: components.agreement,
+            evidence,
+            widened,
             cost: out.cost,
             squared_residuals,
             iterations: self.iterations,
+            left_to_gain: out.linearised.solve(0.0).map_or(f64::INFINITY, |step| step.predicted_decrease),
             stop: out.stop,
             state: out.state,
         })

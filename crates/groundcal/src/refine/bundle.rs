@@ -7,6 +7,7 @@ use crate::{
     numerics::levenberg_marquardt::StopReason,
     refine::{
         blocks::{CameraState, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
+        evidence::Evidence,
         residual::SceneModel,
         tracks::KINDS,
         variance_components::Component,
@@ -180,12 +181,18 @@ pub struct Bundle {
     pub degrees_of_freedom: f64,
     /// How well the frames' attitudes agree with σ_a: chi-squared of their deviations and its degrees of freedom.
     pub agreement: (f64, usize),
+    /// How well the model explains the tracks; `None` where that cannot be told.
+    pub evidence: Option<Evidence>,
+    /// By how much the covariances are wider than the inverse information.
+    pub widened: f64,
     /// Half the weighted squared residuals, losses and priors included.
     pub cost: f64,
     /// Weighted squared residual of each observation of each track.
     pub squared_residuals: Vec<Vec<f64>>,
     /// Steps tried, over all rounds.
     pub iterations: usize,
+    /// By how much a further step would still lower the cost: 0.5 is one standard deviation in one direction.
+    pub left_to_gain: f64,
     /// Why the last loop ended.
     pub stop: StopReason,
 }

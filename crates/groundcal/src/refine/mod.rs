@@ -19,6 +19,7 @@ pub mod blocks;
 pub mod bundle;
 pub(crate) mod covariance;
 pub mod elimination;
+pub(crate) mod evidence;
 pub mod layout;
 pub mod problem;
 pub(crate) mod profile;
@@ -36,6 +37,7 @@ pub use bundle::{
     Bundle, CAMERA, CameraEstimate, GROUP_NUMBERS, GroupEstimate, JointCovariance, RigEstimate, VIEW_NUMBERS,
     ViewEstimate,
 };
+pub use evidence::Evidence;
 pub use residual::SceneModel;
 pub use tracks::{KINDS, Kind, Observation, Track};
 pub use variance_components::{Component, disagreement};

@@ -230,7 +230,7 @@ impl Problem {
     }
 
     /// Every prior as a deviation and its standard deviation.
-    fn priors(&self, state: &State) -> Vec<(Deviation, f64)> {
+    pub(crate) fn priors(&self, state: &State) -> Vec<(Deviation, f64)> {
         let mut out = Vec::new();
         for ((camera, unknowns), block) in state.cameras.iter().zip(&self.cameras).zip(&self.layout.cameras) {
             let numbers = camera.numbers();

@@ -39,6 +39,8 @@ pub(crate) struct Weighing {
     pub(crate) effects: [f64; KINDS],
     /// Degrees of freedom of all residuals.
     pub(crate) degrees_of_freedom: f64,
+    /// And of each kind, which the columns cost in proportion.
+    pub(crate) of_kinds: [f64; KINDS],
 }
 
 impl Weighing {
@@ -51,11 +53,14 @@ impl Weighing {
         effects_in_force: [f64; KINDS],
     ) -> Option<Self> {
         let (variances, degrees_of_freedom) = problem.variance_factors(state, squared_residuals, factor);
+        let redundancies = problem.redundancies().map(|r| r as f64);
+        let total = redundancies.iter().sum::<f64>().max(1.0);
         Some(Self {
             effects: problem.design_effects(state, variances)?,
             // In units of single residuals, which the weights in force take for larger by what neighbours have in common.
             white: std::array::from_fn(|k| variances[k] * effects_in_force[k]),
             degrees_of_freedom,
+            of_kinds: redundancies.map(|r| r * degrees_of_freedom / total),
         })
     }
 

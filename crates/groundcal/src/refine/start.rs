@@ -6,8 +6,9 @@
 use nalgebra::{Matrix3, Rotation3, Vector2, Vector3};
 
 use crate::refine::{
-    blocks::{CameraState, Departure, FrameState, GroupState, State},
-    residual::SceneModel,
+    blocks::{CameraState, CameraUnknowns, Departure, FrameState, GroupState, State},
+    residual::{Pose, Projector, SceneModel},
+    tracks::{Observation, Track},
 };
 use crate::{
     geometry::{homography::Homography, intrinsics::Intrinsics},
@@ -93,6 +94,25 @@ pub fn state_from_links(
         })
         .collect::<Option<Vec<_>>>()?;
     Some(State::of_one_camera(camera, groups, frames))
+}
+
+/// Which tracks a state can show at all: their points, as the first image of each has them, are in front of all their images and
+/// within the lens's reach. A wrong match may lie behind a camera that turned, where the model has no residual.
+pub(crate) fn shown_by(state: &State, scene: SceneModel, tracks: &[Track], cameras: &[CameraUnknowns]) -> Vec<bool> {
+    let projectors: Vec<Projector> = state.cameras.iter().map(Projector::new).collect();
+    let pose = |o: &Observation| {
+        let frame = &state.frames[o.frame];
+        let rig = (o.camera > 0).then(|| &state.rig[o.camera]);
+        Pose::of(scene, &state.groups[frame.group], frame, rig)
+    };
+    let shown = |track: &Track| {
+        let first = track.observations.first()?;
+        let ray = projectors[first.camera].ray(&cameras[first.camera].frame.from_pixel(&first.pixel))?;
+        let point = pose(first).back_project(&ray);
+        let seen = |o: &Observation| projectors[o.camera].project(&pose(o).camera_point(&point)).is_some();
+        track.observations.iter().all(seen).then_some(())
+    };
+    tracks.iter().map(|track| shown(track).is_some()).collect()
 }
 
 /// How far a homography between two views is from one of the floor that both have a known attitude to: the sine of the angle

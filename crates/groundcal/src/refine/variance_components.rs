@@ -23,11 +23,16 @@ pub struct Component {
     pub estimated: bool,
 }
 
-/// Scale of the half-Cauchy prior of σ_h: a tripod or a robot on a floor keeps its height to about this.
-const HEIGHT_SCALE: f64 = 1e-3;
-/// Scales of the half-Cauchy priors of departures: focal lengths (relative), turns while a picture is read out (radians), shifts (frame
-/// units): what focus and stabilisers do is a few thousandths, a pan of 10 degrees a second read out in 1/100 s a tenth of a degree.
-const DEPARTURE_SCALES: [f64; DepartureKind::ALL.len()] = [2e-3, 2e-3, 2e-3];
+/// The half-Cauchy prior of σ_h: a tripod or a robot on a floor keeps its height to about a thousandth.
+const HEIGHT_PRIOR: VarianceComponent = VarianceComponent { scale: 1e-3, below: 30.0, above: 1000.0 };
+/// The half-Cauchy prior of σ_a.
+fn attitude_prior(scale: f64) -> VarianceComponent {
+    VarianceComponent { scale, below: 30.0, above: 50.0 }
+}
+
+/// The half-Cauchy priors of departures: focal lengths (relative), turns while a picture is read out (radians), shifts (frame units). What
+/// focus and stabilisers do is a few thousandths; a pan of 10 degrees a second read out in a hundredth of a second turns by a tenth of a degree.
+const DEPARTURE_PRIOR: VarianceComponent = VarianceComponent { scale: 2e-3, below: 30.0, above: 100.0 };
 /// Directions in which the data must see a variance component before they decide it.
 const MIN_DIRECTIONS: usize = 4;
 /// Relative change at which a component rests.
@@ -55,6 +60,8 @@ pub(crate) struct VarianceComponents {
     pub(crate) departures: [Component; DepartureKind::ALL.len()],
     /// Chi-squared of the attitudes' deviations under the σ_a in force, and its degrees of freedom.
     pub(crate) agreement: (f64, usize),
+    /// Logarithm of the evidence of those that are estimated over the likelihood of those in force.
+    pub(crate) log_evidence: f64,
 }
 
 impl VarianceComponents {
@@ -66,9 +73,10 @@ impl VarianceComponents {
             height: given(options.height_sigma.unwrap_or(1.0)),
             departures: std::array::from_fn(|k| {
                 let estimated = options.departures.contains(&DepartureKind::ALL[k]);
-                Component { sigma: if estimated { 10.0 * DEPARTURE_SCALES[k] } else { 0.0 }, estimated }
+                Component { sigma: if estimated { 10.0 * DEPARTURE_PRIOR.scale } else { 0.0 }, estimated }
             }),
             agreement: (0.0, 0),
+            log_evidence: 0.0,
         }
     }
 
@@ -84,22 +92,24 @@ impl VarianceComponents {
         let attitudes = Deviations::new(&problem.attitude_deviations(state), factor, self.attitude.sigma);
         let heights = Deviations::new(&problem.height_deviations(state), factor, self.height.sigma);
         next.agreement = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(self.attitude.sigma));
+        next.log_evidence = 0.0;
         if options.attitude_sigma_rad.is_none()
             && let Some(d) = &attitudes
         {
             next.attitude = d.attitude_component(options.attitude_scale_rad);
+            next.log_evidence += d.log_evidence(&attitude_prior(options.attitude_scale_rad), self.attitude.sigma);
         }
         if options.height_sigma.is_none()
             && let Some(d) = &heights
         {
-            let component = VarianceComponent { scale: HEIGHT_SCALE, below: 30.0, above: 1000.0 };
-            next.height = Component { sigma: component.posterior(|s| d.log_likelihood(s)), estimated: true };
+            next.height = Component { sigma: HEIGHT_PRIOR.posterior(|s| d.log_likelihood(s)), estimated: true };
+            next.log_evidence += d.log_evidence(&HEIGHT_PRIOR, self.height.sigma);
         }
         for (k, kind) in DepartureKind::ALL.into_iter().enumerate() {
             let of_kind = Deviations::new(&problem.departures(state, kind), factor, self.departures[k].sigma);
             if let Some(d) = &of_kind {
-                let component = VarianceComponent { scale: DEPARTURE_SCALES[k], below: 30.0, above: 100.0 };
-                next.departures[k].sigma = component.posterior(|s| d.log_likelihood(s));
+                next.departures[k].sigma = DEPARTURE_PRIOR.posterior(|s| d.log_likelihood(s));
+                next.log_evidence += d.log_evidence(&DEPARTURE_PRIOR, self.departures[k].sigma);
             }
         }
         next
@@ -163,10 +173,14 @@ impl Deviations {
         seen.fold((0.0, 0), |(sum, count), (l, r)| (sum + r * r / (l * (1.0 + sigma * sigma * l)), count + 1))
     }
 
+    /// Logarithm of the evidence over the likelihood of a value.
+    fn log_evidence(&self, prior: &VarianceComponent, in_force: f64) -> f64 {
+        prior.log_evidence(|s| self.log_likelihood(s)) - self.log_likelihood(in_force)
+    }
+
     fn attitude_component(&self, scale: f64) -> Component {
         let seen = self.eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count();
-        let component = VarianceComponent { scale, below: 30.0, above: 50.0 };
-        let told = || component.posterior(|s| self.log_likelihood(s));
+        let told = || attitude_prior(scale).posterior(|s| self.log_likelihood(s));
         if seen >= MIN_DIRECTIONS {
             return Component { sigma: told(), estimated: true };
         }

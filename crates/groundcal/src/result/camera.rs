@@ -164,4 +164,32 @@ pub struct Prior {
     pub sigma: f64,
     /// Posterior over prior standard deviation: near 1 the prior decided, near 0 the images did.
     pub posterior_over_prior: f64,
+    /// Distance between the mean and what the images alone say, in deviations of both together; `None`: they say nothing of it, or the
+    /// method does not tell. Priors beyond 4 are released ([`PriorConflict`]), unless the images are no likelier without them.
+    #[serde(default)]
+    pub conflict: Option<f64>,
+}
+
+/// A prior that the images contradicted, and that was released for it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PriorConflict {
+    /// The parameter.
+    pub parameter: PriorParameter,
+    /// Mean of the prior, in pixels (`aspect`, `k1`, `k2`: no unit).
+    pub mean: f64,
+    /// Its standard deviation, same unit; 0: the value was held.
+    pub sigma: f64,
+    /// What the images say without it.
+    pub found: f64,
+    /// Standard deviation of that.
+    pub found_sigma: f64,
+    /// Twice the logarithm of the odds of the images without it over those with it.
+    pub twice_log_odds: f64,
+}
+
+impl PriorConflict {
+    /// Standard deviations, of both together, between the prior and what the images say.
+    pub fn deviations(&self) -> f64 {
+        (self.found - self.mean).abs() / self.sigma.hypot(self.found_sigma)
+    }
 }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     geometry::parameters::PriorParameter,
     remedy::{Remedy, Wording, sentence},
+    result::camera::PriorConflict,
 };
 
 /// Doubt about a result.
@@ -83,6 +84,8 @@ pub enum Warning {
         /// Posterior over prior standard deviation.
         posterior_over_prior: f64,
     },
+    /// The images contradict a prior, which was released for it.
+    PriorContradicted(PriorConflict),
     /// A background that does not move had more support than the plane used.
     StaticBackground {
         /// First image.
@@ -173,6 +176,7 @@ impl Warning {
             Warning::MotionsDisagree { .. } => "motions_disagree",
             Warning::NotRotations { .. } => "not_rotations",
             Warning::PriorDecides { .. } => "prior_decides",
+            Warning::PriorContradicted(_) => "prior_contradicted",
             Warning::StaticBackground { .. } => "static_background",
             Warning::DuplicateImages { .. } => "duplicate_images",
             Warning::LargeUncertainty { .. } => "large_uncertainty",
@@ -243,6 +247,30 @@ impl Warning {
                 "the images say little about {parameter}: its standard deviation is {:.0} % of what was assumed beforehand",
                 100.0 * posterior_over_prior
             ),
+            Warning::PriorContradicted(c) => {
+                let unit = if c.parameter.is_in_pixels() { " px" } else { "" };
+                let digits = if c.parameter.is_in_pixels() { 1 } else { 4 };
+                let assumed = if c.sigma > 0.0 {
+                    format!("{:.digits$} +- {:.digits$}{unit}", c.mean, c.sigma)
+                } else {
+                    format!("{:.digits$}{unit}", c.mean)
+                };
+                format!(
+                    "the images contradict what was assumed of {}, {assumed}: without that they say {:.digits$} +- {:.digits$}{unit} ({:.0} \
+                     deviations apart), and the camera was estimated without it{}",
+                    c.parameter,
+                    c.found,
+                    c.found_sigma,
+                    c.deviations(),
+                    match c.parameter {
+                        PriorParameter::Aspect =>
+                            ". Pixels that are not square, or pictures resized unequally, do that",
+                        PriorParameter::Cx | PriorParameter::Cy => ". Pictures that were cropped do that",
+                        PriorParameter::Skew => ". Pictures that were sheared or scanned do that",
+                        PriorParameter::Fx | PriorParameter::K1 | PriorParameter::K2 => "",
+                    }
+                )
+            }
             Warning::StaticBackground { from, to, matches } => format!(
                 "{from} and {to}: {matches} matches stand still, more than move; a background (or a part of the camera's carrier) that \
                  does not move was set aside"
@@ -291,6 +319,7 @@ impl Warning {
             }
             Warning::NotRotations { .. } => vec![Remedy::UseJointMethod, Remedy::EstimateLens],
             Warning::PriorDecides { .. } => vec![Remedy::VaryTiltAndRoll, Remedy::GiveValue],
+            Warning::PriorContradicted(_) => vec![Remedy::GiveValue, Remedy::CheckImages],
             Warning::StaticBackground { .. } => vec![Remedy::MaskBackground],
             Warning::DuplicateImages { .. } => vec![Remedy::RemoveDuplicate],
             Warning::LargeUncertainty { .. } => vec![Remedy::ClearMotions],
@@ -395,6 +424,14 @@ mod tests {
             Warning::MotionsDisagree { chi_squared: 30.0, degrees_of_freedom: 4, widened: 2.7 },
             Warning::NotRotations { chi_squared: 30.0, degrees_of_freedom: 4, widened: 2.7 },
             Warning::PriorDecides { parameter: PriorParameter::Cy, posterior_over_prior: 0.9 },
+            Warning::PriorContradicted(PriorConflict {
+                parameter: PriorParameter::Aspect,
+                mean: 1.0,
+                sigma: 0.003,
+                found: 1.09,
+                found_sigma: 0.004,
+                twice_log_odds: 200.0,
+            }),
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },
             Warning::DuplicateImages { first: "a".into(), second: "b".into() },
             Warning::LargeUncertainty { percent: 7.0 },

@@ -99,6 +99,12 @@ impl Selection {
         pairs.iter().zip(&self.verdicts).filter_map(motion).collect()
     }
 
+    /// The same without a pair, which agrees with no camera.
+    pub(crate) fn without(mut self, id: PairId) -> Self {
+        self.verdicts[id.index()] = PairVerdict::Rejected(Rejection::Disagrees { sigmas: f64::INFINITY });
+        self
+    }
+
     /// The same without the pairs that no longer show a turn, having been looked at again.
     pub(crate) fn confirmed(mut self, pairs: &[PairObservation]) -> Self {
         for (pair, verdict) in pairs.iter().zip(&mut self.verdicts) {

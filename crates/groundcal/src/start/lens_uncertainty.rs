@@ -6,6 +6,7 @@ use crate::{
     error::Error,
     geometry::intrinsics::Intrinsics,
     pairs::{known_lens::LensFinding, plane_lens::Lens},
+    remedy::Remedy,
 };
 
 /// A whole deviation may leave the range of the lens model: a step of a tenth, scaled.
@@ -15,13 +16,22 @@ const PART: f64 = 0.1;
 /// with the lens moved along each column of the covariance's root. `solve` gives the camera of matches undone by a lens.
 ///
 /// # Errors
-/// [`Error::Numerical`] when there is no camera for one of these lenses; [`Error::Stopped`].
+/// [`Error::Unsound`] when there is no camera for one of these lenses; [`Error::Stopped`].
 pub(crate) fn covariance_of_lens(
     finding: &LensFinding,
     solve: impl Fn(&Lens) -> Result<Intrinsics, Error>,
 ) -> Result<SMatrix<f64, 5, 5>, Error> {
-    let failed = || Error::Numerical { stage: "lens distortion", detail: "the camera does not follow the lens".into() };
     let reference = finding.reference();
+    let failed = || {
+        let d = &reference.distortion;
+        Error::Unsound {
+            reason: format!(
+                "the lens distortion (k1 = {:.3}, k2 = {:.3}) is known so badly that lenses within its error bar leave no camera at all",
+                d.k1, d.k2
+            ),
+            remedies: vec![Remedy::GiveLensCoefficients, Remedy::StateNoDistortion, Remedy::MoreMotions],
+        }
+    };
     let numbers = |lens: &Lens| match solve(lens) {
         Ok(k) => Ok(SVector::<f64, 5>::from([k.fx, k.fy, k.cx, k.cy, k.skew])),
         Err(Error::Stopped) => Err(Error::Stopped),

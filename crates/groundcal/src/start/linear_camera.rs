@@ -90,6 +90,8 @@ pub struct PriorUse {
     pub sigma: f64,
     /// Posterior over prior standard deviation: 1 says that the prior alone decided, 0 that the images did.
     pub posterior_over_prior: f64,
+    /// Distance between the mean and what the images alone say, in deviations of both together; `None`: not known.
+    pub conflict: Option<f64>,
 }
 
 /// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
@@ -144,6 +146,7 @@ impl CameraOptions {
                     mean,
                     sigma: sigma * unit,
                     posterior_over_prior: covariance[(i, i)].max(0.0).sqrt() / sigma,
+                    conflict: None,
                 })
             })
             .collect()
@@ -339,8 +342,11 @@ fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, prior
         refine(points, &start, Constraint::Auto.free(), priors)
             .filter(|s| s.parameters.iter().all(|v| v.is_finite()) && s.parameters[0].abs() < 5.0)
     };
-    let linear = [Constraint::Square, Constraint::Focal]
+    // Where the aspect ratio may be anything, square pixels are no start.
+    let any_aspect = priors.0[1].is_none_or(|(_, sigma)| sigma > MAX_LN_SIGMA);
+    let linear = [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal]
         .into_iter()
+        .filter(|c| any_aspect || *c != Constraint::ZeroSkew)
         .filter(|c| points.len() >= c.attitudes_needed())
         .find_map(|c| solve_linear(points, c, options.aspect).ok())
         .and_then(attempt);

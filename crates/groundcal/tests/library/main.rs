@@ -6,6 +6,7 @@ mod exact;
 mod floor;
 mod homographies;
 mod plan;
+mod prior_conflicts;
 mod refinement;
 mod refinement_blocks;
 mod rotating_camera;

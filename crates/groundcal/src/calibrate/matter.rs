@@ -1,0 +1,196 @@
+//! What the joint refinement of the pairs selected is made from, and what comes of it once.
+
+use nalgebra::Matrix3;
+
+use crate::{
+    calibrate::{
+        attitude::Attitude,
+        joint::Joint,
+        setup::{Setup, ViewGroups, starting_camera},
+        views::Views,
+    },
+    error::Error,
+    geometry::{attitude::attitude_rotation, frame::Frame, intrinsics::Intrinsics},
+    ids::PairId,
+    observer::Observer,
+    pairs::{known_lens::KnownLens, observation::PairObservation},
+    refine::{
+        BundleOptions, SceneModel, State, Track,
+        adjust::adjust_until,
+        start::{shown_by, state_from_links},
+    },
+    remedy::Remedy,
+    result::PriorConflict,
+    select::{
+        attitude_groups::{AttitudeGroup, Motion},
+        selection::Selection,
+    },
+    start::linear_camera::{CameraOptions, CameraSolution},
+};
+
+/// Options of the joint refinement in images and pairs.
+#[derive(Debug, Clone)]
+pub(super) struct RefinementOptions {
+    /// Frame of the estimation.
+    pub(super) frame: Frame,
+    /// An estimated lens has no k2.
+    pub(super) k2_is_held: bool,
+    /// What is free, priors, variance components.
+    pub(super) bundle: BundleOptions,
+    /// The same for the closed form, of which other starts are asked.
+    pub(super) camera: CameraOptions,
+}
+
+/// Variance of the residuals under rotations, in units of the matching noise, that no real lens and distant scene come near.
+const MAX_ROTATION_VARIANCE: f64 = 100.0;
+
+/// A refinement with what it was made from.
+pub(super) struct Refined {
+    pub(super) joint: Joint,
+    /// The closed-form solution it started from, whose groups its attitudes count in.
+    pub(super) solution: CameraSolution,
+    /// Options in force: those asked for, with some priors released.
+    pub(super) options: RefinementOptions,
+    /// Priors that were released, and why.
+    pub(super) conflicts: Vec<PriorConflict>,
+}
+
+/// What is refined: the matches of the motions selected.
+pub(super) struct Matter<'a> {
+    pub(super) pairs: &'a [PairObservation],
+    pub(super) motions: Vec<Motion>,
+    pub(super) observer: &'a dyn Observer,
+    pub(super) lens: &'a KnownLens,
+    frame: Frame,
+    k2_is_held: bool,
+    pub(super) used: Vec<PairId>,
+    pub(super) views: Views,
+    pub(super) group_of_view: Vec<usize>,
+    pub(super) setup: Setup,
+    pub(super) scene: SceneModel,
+}
+
+impl<'a> Matter<'a> {
+    pub(super) fn new(
+        pairs: &'a [PairObservation],
+        selection: &Selection,
+        solution: &CameraSolution,
+        lens: &'a KnownLens,
+        options: &RefinementOptions,
+        observer: &'a dyn Observer,
+    ) -> Option<Self> {
+        let used = selection.used();
+        let views = Views::of_pairs(&used, pairs);
+        let group_of_view = ViewGroups::of_motions(&used, pairs, &views, solution)?.indices();
+        let setup = Setup::of_pairs(&used, pairs, &views, lens.lens(), &options.frame)?;
+        let scene = if selection.is_far_away() { SceneModel::Directions } else { SceneModel::Floor };
+        let motions = selection.motions(pairs);
+        let (frame, k2_is_held) = (options.frame, options.k2_is_held);
+        Some(Self { pairs, motions, observer, lens, frame, k2_is_held, used, views, group_of_view, setup, scene })
+    }
+
+    /// The attitude of a solution that each group of views has.
+    fn attitudes_of(&self, solution: &CameraSolution) -> Option<Vec<usize>> {
+        Some(ViewGroups::of_motions(&self.used, self.pairs, &self.views, solution)?.attitudes)
+    }
+
+    /// A state to refine from: a solution with its focal length times a factor.
+    pub(super) fn start(&self, solution: &CameraSolution, factor: f64) -> Option<State> {
+        let k = &solution.intrinsics;
+        let k = Intrinsics { fx: k.fx * factor, fy: k.fy * factor, ..*k };
+        let of_solution = attitudes_under(&k, self.pairs, &self.used, solution, &self.frame);
+        let attitudes: Vec<Matrix3<f64>> = self.attitudes_of(solution)?.into_iter().map(|a| of_solution[a]).collect();
+        let camera = starting_camera(&k, self.lens, self.k2_is_held, &self.frame);
+        state_from_links(self.scene, camera, &k, &attitudes, &self.group_of_view, &self.setup.links)
+    }
+
+    pub(super) fn refined(&self, mut joint: Joint, solution: CameraSolution, options: RefinementOptions) -> Refined {
+        joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
+        Refined { joint, solution, options, conflicts: Vec::new() }
+    }
+
+    /// Refined again on the very same tracks, under other options, from other starts.
+    pub(super) fn refined_again(
+        &self,
+        refined: &Refined,
+        solution: CameraSolution,
+        options: RefinementOptions,
+        starts: Vec<State>,
+    ) -> Result<Refined, Error> {
+        let before = &refined.joint;
+        let setup = Setup { links: Vec::new(), tracks: before.tracks.clone() };
+        let joint = adjusted(before.bundle.scene, setup, before.views.clone(), starts, &options, self.observer)?;
+        let mut again = self.refined(joint, solution, options);
+        (again.joint.cross_links, again.joint.floors) = (before.cross_links.clone(), before.floors);
+        again.conflicts.clone_from(&refined.conflicts);
+        Ok(again)
+    }
+}
+
+/// Attitudes of the groups of a solution as their circular points say under a camera matrix.
+fn attitudes_under(
+    k: &Intrinsics,
+    pairs: &[PairObservation],
+    used: &[PairId],
+    solution: &CameraSolution,
+    frame: &Frame,
+) -> Vec<Matrix3<f64>> {
+    let of = |group: &AttitudeGroup| {
+        let attitude = Attitude::of_group(group, k, frame, pairs, used);
+        attitude_rotation(attitude.pitch_down_rad, attitude.roll_rad)
+    };
+    solution.groups.iter().map(of).collect()
+}
+
+/// Most tracks, as a fraction, that a start may be unable to show: wrong matches are fewer, of a wrong start about half go.
+const MAX_UNSHOWN: f64 = 0.3;
+
+/// The tracks that the starts show; starts that cannot show most are left out, unless none can.
+fn shown_by_all(scene: SceneModel, tracks: Vec<Track>, starts: &mut Vec<State>, options: &BundleOptions) -> Vec<Track> {
+    let shown: Vec<Vec<bool>> = starts.iter().map(|state| shown_by(state, scene, &tracks, &options.cameras)).collect();
+    let usable = |shown: &Vec<bool>| {
+        let missing = shown.iter().filter(|s| !**s).count();
+        missing as f64 <= MAX_UNSHOWN * tracks.len() as f64
+    };
+    if !shown.iter().any(usable) {
+        return tracks;
+    }
+    let mut usable_starts = shown.iter().map(usable);
+    starts.retain(|_| usable_starts.next() == Some(true));
+    let kept: Vec<&Vec<bool>> = shown.iter().filter(|s| usable(s)).collect();
+    let of_all: Vec<bool> = (0..tracks.len()).map(|t| kept.iter().all(|s| s[t])).collect();
+    let mut of_all = of_all.into_iter();
+    tracks.into_iter().filter(|_| of_all.next() == Some(true)).collect()
+}
+
+/// Refines from starts.
+pub(super) fn adjusted(
+    scene: SceneModel,
+    mut setup: Setup,
+    views: Views,
+    mut starts: Vec<State>,
+    options: &RefinementOptions,
+    observer: &dyn Observer,
+) -> Result<Joint, Error> {
+    if starts.is_empty() {
+        return Err(Error::Numerical {
+            stage: "joint refinement",
+            detail: "the homographies of the motions fit no camera".into(),
+        });
+    }
+    setup.tracks = shown_by_all(scene, setup.tracks, &mut starts, &options.bundle);
+    let bundle = adjust_until(scene, &setup.tracks, starts, &options.bundle, observer)?;
+    let [patches, points] = bundle.variance_factors;
+    if scene == SceneModel::Directions && patches.max(points) > MAX_ROTATION_VARIANCE {
+        return Err(Error::NoUsableMotion {
+            pairs: setup.links.len(),
+            reason: format!(
+                "the points lie above and below the horizon, as those far from a camera that turns on the spot do, but rotations \
+                 leave residuals {:.0} times as large as the matching noise: the camera moved, before a scene that is no floor",
+                patches.max(points).sqrt()
+            ),
+            remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
+        });
+    }
+    Ok(Joint::new(bundle, setup.tracks, views, &options.frame))
+}

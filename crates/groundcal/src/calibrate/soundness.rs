@@ -1,0 +1,180 @@
+//! Converged or not an answer: a refinement is tried from other starts, then without its worst motions, and refused in the end.
+
+use crate::{
+    calibrate::{
+        joint::Joint,
+        matter::{Refined, RefinementOptions},
+        refinement::{Starts, refine_motions},
+    },
+    error::Error,
+    geometry::{intrinsics::Intrinsics, size::ImageSize},
+    ids::{PairId, ViewId},
+    numerics::{levenberg_marquardt::StopReason, statistics::median},
+    observer::Observer,
+    pairs::{known_lens::KnownLens, observation::PairObservation},
+    remedy::Remedy,
+    select::selection::Selection,
+    start::linear_camera::{CameraSolution, solve_camera_until},
+};
+
+/// What a further step may still gain where the loop did not end by itself: a fifth of a deviation.
+const LEFT_TO_GAIN: f64 = 0.02;
+/// Largest variance of the residuals in units of the matching noise: five times its deviation. (Of a real panorama whose lens is not quite
+/// that of the model, and which is right to 0.05 %, it is 4.4.)
+const MAX_VARIANCE: f64 = 25.0;
+/// Widest field of view, degrees across the width, that a flat image can have.
+const MAX_FIELD_OF_VIEW_DEG: f64 = 170.0;
+/// Motions that are dropped one after the other, at most, and as a fraction of all.
+const MOST_DROPPED: usize = 4;
+const MOST_DROPPED_FRACTION: f64 = 0.25;
+
+/// A refinement that can be vouched for.
+pub(super) struct Sound {
+    pub(super) refined: Refined,
+    /// The selection without the motions that were dropped, if any were.
+    pub(super) selection: Option<Selection>,
+}
+
+/// Refines the motions selected until it holds. `None` when there are no matches to refine on.
+///
+/// # Errors
+/// [`Error::Unsound`] when there is no end to it; [`Error::Stopped`].
+pub(super) fn refine_until_sound(
+    pairs: &[PairObservation],
+    selection: &Selection,
+    solution: &CameraSolution,
+    lens: &KnownLens,
+    (options, size): (&RefinementOptions, ImageSize),
+    observer: &dyn Observer,
+) -> Result<Option<Sound>, Error> {
+    let attempt = |selection: &Selection, solution: &CameraSolution, starts: Starts| {
+        let refined = match refine_motions(pairs, selection, solution, lens, options, starts, observer) {
+            Ok(Some(refined)) => refined,
+            Ok(None) => return Ok(Attempt::NothingToRefine),
+            Err(Error::Stopped) => return Err(Error::Stopped),
+            Err(error) => return Ok(Attempt::Failed(error, None)),
+        };
+        Ok(match check_soundness(&refined.joint, size) {
+            Ok(()) => Attempt::Sound(refined),
+            Err(error) => Attempt::Failed(error, Some(refined)),
+        })
+    };
+    let used = selection.used();
+    let most = MOST_DROPPED.min((MOST_DROPPED_FRACTION * used.len() as f64) as usize);
+    let (mut left, mut solution) = (selection.clone(), solution.clone());
+    let mut first_error = None;
+    for dropped in 0..=most {
+        let mut worst = None;
+        for starts in [Starts::Usual, Starts::Many] {
+            match attempt(&left, &solution, starts)? {
+                Attempt::NothingToRefine => return Ok(None),
+                Attempt::Sound(refined) => {
+                    return Ok(Some(Sound { refined, selection: (dropped > 0).then_some(left) }));
+                }
+                Attempt::Failed(error, refined) => {
+                    first_error.get_or_insert(error);
+                    worst = refined.as_ref().map(|r| worst_motion(&r.joint, pairs, &left.used())).or(worst);
+                }
+            }
+        }
+        left = left.clone().without(worst.unwrap_or_else(|| least_matched(pairs, &left.used())));
+        match solve_camera_until(&left.motions(pairs), &options.frame, &options.camera, observer) {
+            Ok(next) => solution = next,
+            Err(Error::Stopped) => return Err(Error::Stopped),
+            Err(_) => break,
+        }
+    }
+    Err(refused(first_error))
+}
+
+enum Attempt {
+    NothingToRefine,
+    Sound(Refined),
+    /// Why, and what it came to, if to anything.
+    Failed(Error, Option<Refined>),
+}
+
+/// In the words of an answer that is refused.
+fn refused(error: Option<Error>) -> Error {
+    match error {
+        Some(error) if error.is_degenerate() => error,
+        Some(error) => unsound(format!("the joint refinement failed, from other starts too ({})", error.finding())),
+        None => unsound("the joint refinement failed".into()),
+    }
+}
+
+fn unsound(reason: String) -> Error {
+    Error::Unsound { reason, remedies: vec![Remedy::NamePairs, Remedy::ClearMotions, Remedy::GiveLensCoefficients] }
+}
+
+/// Refuses a refinement that has not converged, whose residuals are no noise, or whose camera is none.
+///
+/// # Errors
+/// [`Error::Unsound`].
+pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Error> {
+    let bundle = &joint.bundle;
+    if bundle.stop != StopReason::Converged && bundle.left_to_gain > LEFT_TO_GAIN {
+        return Err(unsound(format!(
+            "the joint refinement had not converged after {} steps (fx {:.0} px)",
+            bundle.iterations, joint.intrinsics.fx
+        )));
+    }
+    let variance = bundle.variance_factors.iter().copied().fold(0.0, f64::max);
+    if variance > MAX_VARIANCE {
+        return Err(unsound(format!(
+            "no camera explains the motions together: what is left of them is {:.0} times as large as the matching noise",
+            variance.sqrt()
+        )));
+    }
+    check_field_of_view(&joint.intrinsics, size)
+}
+
+/// Refuses a focal length that no flat image can have.
+///
+/// # Errors
+/// [`Error::Unsound`].
+pub(super) fn check_field_of_view(k: &Intrinsics, size: ImageSize) -> Result<(), Error> {
+    let degrees = |f: f64, side: usize| 2.0 * (0.5 * side as f64 / f).atan().to_degrees();
+    let widest = degrees(k.fx, size.width).max(degrees(k.fy, size.height));
+    if widest < MAX_FIELD_OF_VIEW_DEG {
+        return Ok(());
+    }
+    Err(unsound(format!(
+        "with fx = {:.1} and fy = {:.1} px the images would show {widest:.0} degrees, which no lens without a fisheye's projection does",
+        k.fx, k.fy
+    )))
+}
+
+/// The pair whose residuals are largest, in the median.
+fn worst_motion(joint: &Joint, pairs: &[PairObservation], used: &[PairId]) -> PairId {
+    let of_pair = |id: PairId| {
+        let Some(views) = joint.views.of_pair(&pairs[id]) else { return 0.0 };
+        let [a, b] = views.map(ViewId::index);
+        let seen = |frame: usize, track: usize| joint.tracks[track].observations.iter().position(|o| o.frame == frame);
+        let both = |track: usize| {
+            let residuals = &joint.bundle.squared_residuals[track];
+            Some(residuals[seen(a, track)?] + residuals[seen(b, track)?])
+        };
+        median(&mut (0..joint.tracks.len()).filter_map(both).collect::<Vec<f64>>())
+    };
+    let scored = used.iter().map(|&id| (id, of_pair(id)));
+    scored.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(PairId::new(0), |(id, _)| id)
+}
+
+/// The pair of fewest matches.
+fn least_matched(pairs: &[PairObservation], used: &[PairId]) -> PairId {
+    used.iter().copied().min_by_key(|&id| pairs[id].inliers().count()).unwrap_or(PairId::new(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_focal_length_of_nothing_is_no_camera() {
+        let size = ImageSize { width: 640, height: 480 };
+        assert!(check_field_of_view(&Intrinsics::square(100.0, 320.0, 240.0), size).is_ok());
+        let error = check_field_of_view(&Intrinsics::square(20.0, 320.0, 240.0), size).expect_err("173 degrees");
+        assert!(error.is_degenerate() && error.to_string().contains("173 degrees"), "{error}");
+    }
+}

@@ -1,0 +1,68 @@
+//! How well a model explains what it was refined on: the logarithm of its evidence, for comparing models of the same tracks.
+//!
+//! ```text
+//! -2 ln E = Σ_kinds N ln s²  +  Σ_D (d / σ)²  +  ln |C_prior,D|  -  ln |C_D|  -  2 ln e(σ_a, σ_h)
+//! ```
+//!
+//! N is the number of degrees of freedom of a kind over its design effect, s² the variance of its residuals (profile likelihood of
+//! the noise); D are all numbers that have a prior: those of the cameras, and the deviations of the frames' attitudes and heights. C_D is
+//! their covariance given all, so that the determinants are the volume that the data leave over the volume that was allowed
+//! beforehand: a wide prior, or a large σ_a, has to earn its width. What has no prior is profiled, as in restricted likelihood.
+//! e is the mean likelihood of σ_a and σ_h over their own priors, over that of the values in force.
+
+use crate::numerics::skyline::SkylineCholesky;
+use crate::refine::{
+    blocks::State, elimination::Reduced, problem::Problem, tracks::KINDS, variance_components::VarianceComponents,
+};
+
+/// Least variance of residuals, in units of the expected: below it there is no noise to speak of (the weights stop there too).
+const LEAST_VARIANCE: f64 = 0.04;
+
+/// The parts of a model's evidence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Evidence {
+    /// -2 ln of the part of priors and variance components.
+    deviations: f64,
+    /// Degrees of freedom of each kind, and the variance of its residuals.
+    residuals: [(f64, f64); KINDS],
+    /// What neighbouring residuals have in common, for each kind.
+    design_effects: [f64; KINDS],
+}
+
+impl Evidence {
+    /// Of a solution; `residuals` are the degrees of freedom and the variance of each kind. `None` where the information of what has no
+    /// prior is singular.
+    pub(crate) fn new(
+        problem: &Problem,
+        (state, linearised): (&State, &Reduced),
+        factor: &SkylineCholesky,
+        components: &VarianceComponents,
+        residuals: [(f64, f64); KINDS],
+        design_effects: [f64; KINDS],
+    ) -> Option<Self> {
+        let priors = problem.priors(state);
+        let mut free = vec![true; problem.layout.size];
+        let mut deviations = -2.0 * components.log_evidence;
+        for (d, sigma) in &priors {
+            free[d.column] = false;
+            deviations += (d.value / sigma).powi(2) + 2.0 * sigma.ln();
+        }
+        // ln |C_D| = ln |information of the others| - ln |information of all|.
+        let others: Vec<usize> = (0..free.len()).filter(|&column| free[column]).collect();
+        let of_others = linearised.information.restricted(&others).cholesky(0.0)?.log_determinant();
+        deviations += factor.log_determinant() - of_others;
+        Some(Self { deviations, residuals, design_effects })
+    }
+
+    /// By how much -2 ln E is smaller than another model's of the same tracks.
+    pub fn gain_over(&self, other: &Self) -> f64 {
+        let of_kind = |k: usize| {
+            let (count, variance) = self.residuals[k];
+            let (_, before) = other.residuals[k];
+            let effect = self.design_effects[k].max(other.design_effects[k]);
+            let ln = |v: f64| v.max(LEAST_VARIANCE).ln();
+            count / effect * (ln(before) - ln(variance))
+        };
+        other.deviations - self.deviations + (0..KINDS).map(of_kind).sum::<f64>()
+    }
+}

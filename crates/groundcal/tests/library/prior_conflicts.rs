@@ -1,0 +1,121 @@
+//! Priors against data: what the matches contradict is released and said, what they do not stays; what has not come to an answer is none.
+
+use groundcal::{
+    calibrate::{Options, Silent, calibrate_matches},
+    error::Error,
+    geometry::{intrinsics::Intrinsics, size::ImageSize},
+    pairs::correspondence::{ImagePair, PointMatch},
+    result::{Calibration, Parameter, PriorParameter, Warning},
+    synthetic::points::{MotionSpec, PointScene},
+};
+use nalgebra::Vector2;
+
+const ATTITUDES: [[f64; 3]; 4] = [[50.0, 5.0, 24.0], [42.0, 35.0, -28.0], [55.0, -22.0, 32.0], [47.0, 50.0, -22.0]];
+
+/// Motions of some of the attitudes: a camera on a tripod, 0.1 px.
+fn scene(attitudes: &[[f64; 3]], fy: f64, skew: f64, seed: u64) -> PointScene {
+    let motion = |[pitch, roll, turn]: &[f64; 3]| {
+        MotionSpec::about_axis(pitch.to_radians(), roll.to_radians(), turn.to_radians(), 0.1, 1.4)
+    };
+    let centre = ImageSize::new(640, 480).centre_px();
+    PointScene {
+        intrinsics: Intrinsics { fx: 600.0, fy, cx: centre[0] + 11.0, cy: centre[1] - 6.0, skew },
+        size: ImageSize::new(640, 480),
+        motions: attitudes.iter().map(motion).collect(),
+        matches: 200,
+        sigma_px: 0.1,
+        ..PointScene::nominal(seed)
+    }
+}
+
+fn calibrate(scene: &PointScene) -> Result<Calibration, Error> {
+    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
+    calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)
+}
+
+fn contradicted(c: &Calibration) -> Vec<PriorParameter> {
+    let of = |w: &Warning| match w {
+        Warning::PriorContradicted(conflict) => Some(conflict.parameter),
+        _ => None,
+    };
+    c.warnings.iter().filter_map(of).collect()
+}
+
+/// Largest error in deviations.
+fn worst(c: &Calibration, scene: &PointScene) -> f64 {
+    let (k, t) = (&c.camera, &scene.intrinsics);
+    let errors = [(k.fx - t.fx, Parameter::Fx), (k.fy - t.fy, Parameter::Fy), (k.cx - t.cx, Parameter::Cx)];
+    let of = |(error, p): (f64, Parameter)| (error / c.standard_deviation(p).expect("estimated")).abs();
+    errors.into_iter().map(of).fold(of((k.cy - t.cy, Parameter::Cy)), f64::max)
+}
+
+#[test]
+fn pixels_that_are_not_square_are_found_and_said() {
+    for (seed, aspect) in [0.5, 0.8, 0.91, 1.09, 1.25, 2.0].into_iter().enumerate() {
+        let scene = scene(&ATTITUDES, 600.0 * aspect, 0.0, seed as u64);
+        let c = calibrate(&scene).unwrap_or_else(|error| panic!("aspect {aspect}: {error}"));
+        assert_eq!(contradicted(&c), [PriorParameter::Aspect], "aspect {aspect}");
+        let off = worst(&c, &scene);
+        println!("aspect {aspect}: fx {:.2} fy {:.2}, {off:.1} deviations off at most", c.camera.fx, c.camera.fy);
+        // Four numbers of six scenes: 3.9 deviations have a chance of one in 400.
+        assert!(off < 3.9, "aspect {aspect}: {off} deviations");
+        let sigma = c.standard_deviation(Parameter::Fx).expect("estimated");
+        assert!(sigma < 3.0, "half a per cent at most, as with the prior: {sigma}");
+    }
+}
+
+#[test]
+fn a_skewed_camera_is_found_and_said() {
+    let scene = scene(&ATTITUDES, 600.0, 9.0, 5);
+    let c = calibrate(&scene).expect("a camera");
+    assert_eq!(contradicted(&c), [PriorParameter::Skew]);
+    let sigma = c.standard_deviation(Parameter::Skew).expect("estimated");
+    assert!(worst(&c, &scene) < 3.9 && (c.camera.skew - 9.0).abs() < 3.9 * sigma, "{:?}", c.camera);
+}
+
+#[test]
+fn priors_that_hold_are_kept() {
+    let mut conflicts = Vec::new();
+    for seed in 0..12 {
+        for (attitudes, aspect) in [(4, 1.0), (4, 1.002), (2, 1.0), (1, 1.0)] {
+            let scene = scene(&ATTITUDES[..attitudes], 600.0 * aspect, 0.0, 100 + seed);
+            let c = calibrate(&scene).expect("a camera");
+            assert_eq!(contradicted(&c), [], "seed {seed}, {attitudes} attitudes, aspect {aspect}");
+            conflicts.extend(c.priors.iter().filter_map(|p| p.conflict));
+        }
+    }
+    assert!(!conflicts.is_empty() && conflicts.iter().all(|c| *c < 4.5), "{conflicts:?}");
+}
+
+#[test]
+fn one_attitude_with_pixels_that_are_not_square_is_covered_or_refused() {
+    for (seed, aspect) in [0.8, 0.91, 1.09, 1.25].into_iter().enumerate() {
+        let scene = scene(&ATTITUDES[1..2], 600.0 * aspect, 0.0, 40 + seed as u64);
+        match calibrate(&scene) {
+            Ok(c) => {
+                let off = worst(&c, &scene);
+                println!("aspect {aspect}: fx {:.1}, {off:.1} deviations off at most", c.camera.fx);
+                assert!(off < 4.0, "aspect {aspect}: {off} deviations");
+            }
+            Err(error) => assert!(error.is_degenerate(), "{error}"),
+        }
+    }
+}
+
+#[test]
+fn matches_behind_the_camera_do_not_stop_the_refinement() {
+    let scene = scene(&ATTITUDES, 600.0, 0.0, 9);
+    let mut pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let right = calibrate(&scene).expect("a camera");
+    // Above the horizon of the second view, and on no line of the homography.
+    for (i, pair) in pairs.iter_mut().enumerate() {
+        let high = PointMatch { b: Vector2::new(40.0 * i as f64, -200.0), ..pair.matches[0] };
+        pair.matches.push(high);
+    }
+    let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
+    let c = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).expect("a camera");
+    assert_eq!(c.method, right.method);
+    let sigma = right.standard_deviation(Parameter::Fx).expect("estimated");
+    assert!((c.camera.fx - right.camera.fx).abs() < sigma, "{} {}", c.camera.fx, right.camera.fx);
+}
