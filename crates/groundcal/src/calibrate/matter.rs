@@ -15,7 +15,7 @@ use crate::{
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{
-        BundleOptions, SceneModel, State, Track,
+        BundleOptions, DepartureKind, SceneModel, State, Track,
         adjust::adjust_until,
         start::{shown_by, state_from_links},
     },
@@ -53,6 +53,8 @@ pub(super) struct Refined {
     pub(super) options: RefinementOptions,
     /// Priors that were released, and why.
     pub(super) conflicts: Vec<PriorConflict>,
+    /// Departures of the pictures that are estimated, with twice the logarithm of the odds for each.
+    pub(super) departures: Vec<(DepartureKind, f64)>,
 }
 
 /// What is refined: the matches of the motions selected.
@@ -106,7 +108,7 @@ impl<'a> Matter<'a> {
 
     pub(super) fn refined(&self, mut joint: Joint, solution: CameraSolution, options: RefinementOptions) -> Refined {
         joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
-        Refined { joint, solution, options, conflicts: Vec::new() }
+        Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new() }
     }
 
     /// Refined again on the very same tracks, under other options, from other starts.
@@ -123,6 +125,7 @@ impl<'a> Matter<'a> {
         let mut again = self.refined(joint, solution, options);
         (again.joint.cross_links, again.joint.floors) = (before.cross_links.clone(), before.floors);
         again.conflicts.clone_from(&refined.conflicts);
+        again.departures.clone_from(&refined.departures);
         Ok(again)
     }
 }

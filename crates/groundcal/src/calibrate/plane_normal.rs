@@ -3,6 +3,7 @@
 use crate::{
     calibrate::{
         checks::unmodelled_distortion,
+        departures::departures_found,
         matter::RefinementOptions,
         options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
         solved::{Solved, share_of},
@@ -47,6 +48,7 @@ pub(super) fn solve_plane_normal(
         let told = (&refinement, stages.size);
         if let Some(sound) = refine_until_sound(pairs, selection, &solution, lens, told, observer)? {
             let refined = sound.refined;
+            warnings.extend(departures_found(&refined));
             warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
             (solution, refinement) = (refined.solution, refined.options);
             joint = Some(refined.joint);

@@ -9,10 +9,11 @@
 //! mean of the ratio over data of the narrower model is 1: Markov's inequality).
 
 use crate::{
+    calibrate::departures::with_departure,
     calibrate::matter::{Matter, Refined, RefinementOptions},
     error::Error,
     geometry::{constraint::Constraint, parameters::PriorParameter},
-    refine::{BundleOptions, State},
+    refine::{BundleOptions, DepartureKind, State},
     result::PriorConflict,
     start::linear_camera::{GivenPrior, solve_camera_until},
 };
@@ -56,11 +57,18 @@ const SKEW: usize = 4;
 pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined, Error> {
     for _ in 0..MOST_RELEASED {
         let mut best: Option<(f64, Refined)> = None;
-        for numbers in RELEASES {
-            let Some((gain, without)) = without_prior(matter, &refined, numbers)? else { continue };
-            if best.as_ref().is_none_or(|(most, _)| gain > *most) {
-                best = Some((gain, without));
+        let mut offer = |found: Option<(f64, Refined)>| {
+            if let Some((gain, other)) = found
+                && best.as_ref().is_none_or(|(most, _)| gain > *most)
+            {
+                best = Some((gain, other));
             }
+        };
+        for numbers in RELEASES {
+            offer(without_prior(matter, &refined, numbers)?);
+        }
+        for kind in DepartureKind::ALL {
+            offer(with_departure(matter, &refined, kind, 2.0 * RELEASE_ODDS.ln())?);
         }
         match best {
             Some((_, without)) => refined = without,

@@ -10,7 +10,7 @@ use crate::{
     observer::{Observer, Silent},
     refine::{
         blocks::{BundleOptions, State},
-        bundle::Bundle,
+        bundle::{Bundle, CameraEstimate},
         covariance::Solution,
         elimination::Reduced,
         evidence::Evidence,
@@ -209,7 +209,7 @@ impl<'a> Rounds<'a> {
             |k: usize| tracks.iter().filter(|t| t.kind as usize == k).map(|t| t.observations.len()).sum();
         Ok(Bundle {
             scene: problem.scene,
-            cameras: solution.cameras(),
+            cameras: with_departures(solution.cameras(), components),
             rig: solution.rig(),
             groups: solution.groups(),
             views: solution.views(tracks, &squared_residuals),
@@ -235,6 +235,19 @@ impl<'a> Rounds<'a> {
             state: out.state,
         })
     }
+}
+
+/// The first camera is that of any of its pictures: how far these depart from each other in focal length and place is part of its covariance.
+fn with_departures(mut cameras: Vec<CameraEstimate>, components: &VarianceComponents) -> Vec<CameraEstimate> {
+    let [focal, _, shift] = components.departures.map(|c| c.sigma * c.sigma);
+    if let Some(first) = cameras.first_mut() {
+        for (number, variance) in [(0, focal), (2, shift), (3, shift)] {
+            if first.covariance[(number, number)] > 0.0 {
+                first.covariance[(number, number)] += variance;
+            }
+        }
+    }
+    cameras
 }
 
 /// Refuses what would index beyond the cameras, frames and groups there are.

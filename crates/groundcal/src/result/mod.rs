@@ -32,4 +32,4 @@ pub use covariance::{Covariance, StandardDeviation};
 pub use fit::{Fit, Refinement, ResidualReport};
 pub use motions::{MotionDiagnosis, MotionReport, MotionVerdict};
 pub use views::{AttitudeReport, FloorHomography, ViewParameter, ViewReport};
-pub use warning::{PrincipalPointDoubt, Warning, WarningReport};
+pub use warning::{PictureDeparture, PrincipalPointDoubt, Warning, WarningReport};

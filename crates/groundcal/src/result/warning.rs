@@ -8,6 +8,18 @@ use crate::{
     result::camera::PriorConflict,
 };
 
+/// In what pictures depart from each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PictureDeparture {
+    /// Focal length.
+    FocalLength,
+    /// Turn while they are read out.
+    RowTurn,
+    /// Shift.
+    Shift,
+}
+
 /// Doubt about a result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "code", content = "numbers", rename_all = "snake_case")]
@@ -86,6 +98,15 @@ pub enum Warning {
     },
     /// The images contradict a prior, which was released for it.
     PriorContradicted(PriorConflict),
+    /// Pictures depart from each other in what was taken for common to all.
+    PicturesDepart {
+        /// In what.
+        departure: PictureDeparture,
+        /// Standard deviation: per cent of f, degrees while a picture is read out, pixels.
+        sigma: f64,
+        /// Twice the logarithm of the odds of the images with it over those without.
+        twice_log_odds: f64,
+    },
     /// A background that does not move had more support than the plane used.
     StaticBackground {
         /// First image.
@@ -177,6 +198,7 @@ impl Warning {
             Warning::NotRotations { .. } => "not_rotations",
             Warning::PriorDecides { .. } => "prior_decides",
             Warning::PriorContradicted(_) => "prior_contradicted",
+            Warning::PicturesDepart { .. } => "pictures_depart",
             Warning::StaticBackground { .. } => "static_background",
             Warning::DuplicateImages { .. } => "duplicate_images",
             Warning::LargeUncertainty { .. } => "large_uncertainty",
@@ -247,6 +269,20 @@ impl Warning {
                 "the images say little about {parameter}: its standard deviation is {:.0} % of what was assumed beforehand",
                 100.0 * posterior_over_prior
             ),
+            Warning::PicturesDepart { departure, sigma, .. } => match departure {
+                PictureDeparture::FocalLength => format!(
+                    "the focal length is not the same in all pictures (standard deviation {sigma:.2} %): the lens was focused or zoomed between \
+                     them, or it breathes; fx and fy are their mean, with error bars that hold the spread"
+                ),
+                PictureDeparture::RowTurn => format!(
+                    "the pictures are bent as by a rolling shutter: the camera turned by about {sigma:.2} degrees while one was read out, which \
+                     was estimated"
+                ),
+                PictureDeparture::Shift => format!(
+                    "the pictures are shifted against each other (standard deviation {sigma:.1} px), as by a stabiliser or by cropping; cx and \
+                     cy are their mean, with error bars that hold the spread"
+                ),
+            },
             Warning::PriorContradicted(c) => {
                 let unit = if c.parameter.is_in_pixels() { " px" } else { "" };
                 let digits = if c.parameter.is_in_pixels() { 1 } else { 4 };
@@ -320,6 +356,7 @@ impl Warning {
             Warning::NotRotations { .. } => vec![Remedy::UseJointMethod, Remedy::EstimateLens],
             Warning::PriorDecides { .. } => vec![Remedy::VaryTiltAndRoll, Remedy::GiveValue],
             Warning::PriorContradicted(_) => vec![Remedy::GiveValue, Remedy::CheckImages],
+            Warning::PicturesDepart { .. } => vec![Remedy::CheckImages],
             Warning::StaticBackground { .. } => vec![Remedy::MaskBackground],
             Warning::DuplicateImages { .. } => vec![Remedy::RemoveDuplicate],
             Warning::LargeUncertainty { .. } => vec![Remedy::ClearMotions],
@@ -432,6 +469,7 @@ mod tests {
                 found_sigma: 0.004,
                 twice_log_odds: 200.0,
             }),
+            Warning::PicturesDepart { departure: PictureDeparture::RowTurn, sigma: 0.4, twice_log_odds: 90.0 },
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },
             Warning::DuplicateImages { first: "a".into(), second: "b".into() },
             Warning::LargeUncertainty { percent: 7.0 },

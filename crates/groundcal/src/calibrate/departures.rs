@@ -1,0 +1,67 @@
+//! Pictures that depart from each other in what is taken for common to all: focus, a rolling shutter, a stabiliser.
+//!
+//! ```text
+//! pixel_i = e^φi (K lens(x) - c) + c + s_i,   x turned by v w_i about the plane's normal;   φ ~ N(0, σ_f²), w ~ N(0, σ_w²), s ~ N(0, σ_s²)
+//! ```
+//!
+//! None of this need show in the residuals either: attitudes that may stray, and heights, follow. So each kind of departure is
+//! tried, its deviation estimated as the others are (restricted likelihood), and kept where the evidence
+//! ([`crate::refine::Bundle`]) is for it by [`RELEASE_ODDS`](super::prior_conflicts), in which its freedom has its price.
+
+use crate::{
+    calibrate::matter::{Matter, Refined},
+    error::Error,
+    refine::DepartureKind,
+    result::{PictureDeparture, Warning},
+};
+
+/// Deviation of attitudes, radians, and design effect from which on departures are tried: a camera that stands still strays by
+/// a hundredth of a degree, and residuals of neighbours that have nothing in common have a design effect of 1.
+const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
+const SUSPECT_DESIGN_EFFECT: f64 = 1.0;
+
+/// The refinement with a kind of departure, where the tracks ask for it; with it twice the logarithm of the odds.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(super) fn with_departure(
+    matter: &Matter<'_>,
+    refined: &Refined,
+    kind: DepartureKind,
+    needed: f64,
+) -> Result<Option<(f64, Refined)>, Error> {
+    let bundle = &refined.joint.bundle;
+    let suspect = bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
+        || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
+    if !suspect || refined.options.bundle.departures.contains(&kind) {
+        return Ok(None);
+    }
+    let mut options = refined.options.clone();
+    options.bundle.departures.push(kind);
+    let starts = vec![bundle.state.clone()];
+    let mut with = match matter.refined_again(refined, refined.solution.clone(), options, starts) {
+        Ok(with) => with,
+        Err(Error::Stopped) => return Err(Error::Stopped),
+        Err(_) => return Ok(None),
+    };
+    let (Some(before), Some(after)) = (bundle.evidence, with.joint.bundle.evidence) else { return Ok(None) };
+    let gain = after.gain_over(&before);
+    with.departures.push((kind, gain));
+    Ok((gain > needed).then_some((gain, with)))
+}
+
+/// What is said of the departures found.
+pub(super) fn departures_found(refined: &Refined) -> Vec<Warning> {
+    let scale_px = refined.options.frame.scale_px;
+    let found = |&(kind, twice_log_odds): &(DepartureKind, f64)| {
+        let sigma = refined.joint.bundle.departure_sigmas[kind as usize].sigma;
+        let (departure, sigma) = match kind {
+            DepartureKind::Focal => (PictureDeparture::FocalLength, 100.0 * sigma),
+            // From the first row to the last.
+            DepartureKind::RowTurn => (PictureDeparture::RowTurn, 2.0 * sigma.to_degrees()),
+            DepartureKind::Shift => (PictureDeparture::Shift, scale_px * sigma),
+        };
+        Warning::PicturesDepart { departure, sigma, twice_log_odds }
+    };
+    refined.departures.iter().map(found).collect()
+}
