@@ -14,6 +14,7 @@ mod lens_result;
 mod matter;
 mod names;
 mod options;
+mod order;
 mod outcome;
 mod plane_normal;
 mod prior_conflicts;
@@ -45,7 +46,7 @@ use crate::{
 };
 
 pub use crate::observer::{Observer, Silent, Stage};
-pub use options::{LensModel, Method, Options};
+pub use options::{LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom.
 ///
