@@ -18,7 +18,7 @@ use crate::{
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{
-        Kind, SceneModel,
+        Kind, SceneModel, State,
         start::{floor_deviation, rotations_from_links, state_from_links},
     },
     select::selection::Selection,
@@ -74,12 +74,11 @@ pub(super) fn refine_motions(
         Starts::Usual if vague => &FACTORS_WHERE_VAGUE,
         Starts::Usual => &[1.0],
     };
-    let mut solutions = vec![solution.clone()];
+    let mut states: Vec<State> = factors.iter().filter_map(|factor| matter.start(solution, *factor)).collect();
     if starts == Starts::Many {
-        solutions.extend(under_other_constraints(&matter, options));
+        states.extend(under_other_constraints(&matter, options).iter().filter_map(|other| matter.start(other, 1.0)));
     }
-    let starts = solutions.iter().flat_map(|s| factors.iter().filter_map(|factor| matter.start(s, *factor))).collect();
-    let joint = adjusted(matter.scene, matter.setup.clone(), matter.views.clone(), starts, options, observer)?;
+    let joint = adjusted(matter.scene, matter.setup.clone(), matter.views.clone(), states, options, observer)?;
     let refined = matter.refined(joint, solution.clone(), options.clone());
     let refined = release_contradicted_priors(&matter, refined)?;
     if matter.scene == SceneModel::Directions || refined.solution.groups.len() < 2 {
