@@ -1,6 +1,6 @@
 //! The plane's normal in the camera frame, as circular points under a camera matrix show it.
 
-use nalgebra::{Complex, SMatrix, Vector2, Vector3};
+use nalgebra::{Complex, SMatrix, Vector3};
 
 use crate::{
     geometry::{
@@ -27,11 +27,11 @@ impl Attitude {
     /// From a circular point (frame coordinates): the normal is the cross product of the real and imaginary part of
     /// K⁻¹e. It points up: away from the points seen on the floor, or, when points lie on both sides of the horizon (a
     /// scene at infinity), to the top of the image.
-    fn of(point: &CircularPoint, k: &Intrinsics, frame: &Frame, seen: impl Iterator<Item = Vector2<f64>>) -> Self {
+    fn of(point: &CircularPoint, k: &Intrinsics, frame: &Frame, seen: impl Iterator<Item = Vector3<f64>>) -> Self {
         let mut up = normal_of(point, k, frame);
         let (mut below, mut above) = (0usize, 0usize);
         for p in seen {
-            if k.ray(&p).dot(&up) < 0.0 {
+            if (k.inverse_matrix() * p).dot(&up) < 0.0 {
                 below += 1;
             } else {
                 above += 1;
@@ -53,7 +53,7 @@ impl Attitude {
         pairs: &[PairObservation],
         used: &[PairId],
     ) -> Self {
-        let seen = group.members.iter().flat_map(|&member| pairs[used[member]].inliers().map(|m| m.a));
+        let seen = group.members.iter().flat_map(|&member| pairs[used[member]].seen_in_first());
         Self::of(&group.fused.point, k, frame, seen)
     }
 

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 
 use crate::{
     calibrate::views::Views,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
     ids::{GroupId, PairId},
     numerics::{levenberg_marquardt::StopReason, linalg::inverse_spd},
     refine::{Bundle, BundleOptions, CAMERA, GroupEstimate, Kind, Track, bundle::pixels_by_camera, disagreement},
@@ -35,7 +35,7 @@ pub(super) struct Joint {
     /// Camera matrix in pixels.
     pub(super) intrinsics: Intrinsics,
     /// Lens.
-    pub(super) distortion: Distortion,
+    pub(super) lens: Lens,
     /// Covariance of (fx, fy, cx, cy, skew, k1, k2), pixels.
     pub(super) covariance_px: SMatrix<f64, CAMERA, CAMERA>,
     /// Derivative of the same by the camera's numbers of the refinement.
@@ -48,10 +48,9 @@ impl Joint {
         let mut intrinsics = frame.intrinsics_to_pixel(&camera.state.intrinsics_in_frame());
         intrinsics.skew += 0.0;
         let jacobian = pixels_by_camera(&intrinsics, frame);
-        let [k1, k2, p1, p2] = ["k1", "k2", "p1", "p2"].map(|name| camera.state.lens.parameter(name).unwrap_or(0.0));
         Self {
             intrinsics,
-            distortion: Distortion { k1, k2, p1, p2 },
+            lens: camera.state.lens,
             covariance_px: jacobian * camera.fixed_covariance() * jacobian.transpose(),
             by_camera: jacobian,
             views,

@@ -79,7 +79,7 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
         schema_version: SCHEMA_VERSION,
         format_version: FORMAT_VERSION,
         pixel_centre: PixelCentre::TopLeftPixel,
-        camera: Camera::new(stages.size, &s.intrinsics, lens.distortion, lens.source),
+        camera: Camera::new(stages.size, &s.intrinsics, lens.lens, lens.source),
         standard_deviation: StandardDeviation {
             fx: sd(0),
             fy: sd(1),
@@ -183,7 +183,7 @@ fn view_reports(joint: &Joint, names: Names<'_>) -> Vec<ViewReport> {
         let sigma_deg = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt().to_degrees();
         let [pitch_down_rad, roll_rad] = e.pitch_roll_rad;
         let view = View { pitch_down_rad, roll_rad, yaw_rad: e.yaw_rad, centre: e.centre };
-        let over_floor = FloorView::new(&joint.intrinsics, joint.distortion, &view).ok().filter(|_| floor);
+        let over_floor = FloorView::new(&joint.intrinsics, joint.lens, &view).ok().filter(|_| floor);
         Some(ViewReport {
             image: name(v),
             attitude: joint.attitude_of(GroupId::new(b.state.frames[v].group)),

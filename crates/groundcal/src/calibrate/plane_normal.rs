@@ -10,7 +10,7 @@ use crate::{
     },
     error::Error,
     observer::Observer,
-    pairs::{known_lens::KnownLens, observation::PairObservation, plane_lens::Lens},
+    pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::Warning,
     select::selection::Selection,
     start::{
@@ -50,14 +50,14 @@ pub(super) fn solve_plane_normal(
             Err(error) => warnings.push(Warning::NotRefined { reason: error.finding() }),
         }
     }
-    let through = |lens: &Lens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
+    let through =
+        |lens: &PlacedLens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
     let mut lens_share = 0.0;
     if let Some(joint) = &joint {
         check_certainty(&joint.camera_covariance(), options.constraint, solution.groups.len(), frame)?;
         solution = joint.solution(solution, &refinement.bundle);
         lens_share = joint.share_of_lens().sqrt();
-    } else if let KnownLens::Estimated(finding) = lens {
-        let added = covariance_of_lens(finding, through)?;
+    } else if let Some(added) = covariance_of_lens(lens, through)? {
         solution.covariance_px += added;
         lens_share = share_of(&added, &solution.covariance_px);
     }

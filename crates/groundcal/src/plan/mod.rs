@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::{
     calibrate::Options,
     error::Error,
-    geometry::{constraint::Constraint, distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{constraint::Constraint, frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     numerics::linalg::inverse_spd,
     refine::{CameraState, bundle::pixels_by_camera},
     remedy::Remedy,
@@ -57,7 +57,7 @@ pub struct PlanOptions {
     /// The camera as it is thought to be, pixels.
     pub intrinsics: Intrinsics,
     /// Its lens.
-    pub distortion: Distortion,
+    pub lens: Lens,
     /// Its images.
     pub size: ImageSize,
     /// How it can move.
@@ -227,7 +227,19 @@ impl Planner {
         options.validate()?;
         let (size, calibration) = (options.size, &options.calibration);
         let frame = Frame::new(size, calibration.principal_point_px);
-        let camera = CameraState::new(&options.intrinsics, &options.distortion.into(), &frame);
+        let lens = match options.lens {
+            // A pinhole bends with the coefficients that are estimated of it.
+            Lens::None => Lens::radial(0.0, 0.0),
+            Lens::Radtan(_) => options.lens,
+            other => {
+                return Err(Error::InvalidInput(format!(
+                    "a lens of the model {} ({}): what is estimated of a lens, and planned for, is radtan",
+                    other.name(),
+                    other.parameter_names().join(", ")
+                )));
+            }
+        };
+        let camera = CameraState::new(&options.intrinsics, &lens, &frame);
         let assumed = calibration.assumptions(size);
         let unknowns = &assumed.cameras[0];
         let mut free: [bool; NUMBERS] = std::array::from_fn(|i| unknowns.is_free(i));

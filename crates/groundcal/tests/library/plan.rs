@@ -6,8 +6,8 @@ use groundcal::{
     error::Error,
     geometry::{
         attitude::{angles_from_rotation, attitude_rotation, yaw_rotation},
-        distortion::Distortion,
         intrinsics::Intrinsics,
+        lens::Lens,
         plane_view::View,
         size::ImageSize,
     },
@@ -57,7 +57,7 @@ fn options(rig: Rig, motions: usize) -> PlanOptions {
     let [cx, cy] = SIZE.centre_px();
     PlanOptions {
         intrinsics: Intrinsics::square(1100.0, cx, cy),
-        distortion: Distortion::default(),
+        lens: Lens::None,
         size: SIZE,
         rig,
         noise_px: 0.3,
@@ -152,7 +152,7 @@ impl World {
         };
         let scene = PointScene {
             intrinsics: self.camera,
-            distortion: Distortion::default(),
+            lens: Lens::None,
             size: SIZE,
             motions: vec![motion],
             matches: count,
