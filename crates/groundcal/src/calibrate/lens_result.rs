@@ -1,7 +1,10 @@
 //! The lens as it is reported.
 
 use crate::{
-    calibrate::joint::Joint, geometry::lens::Lens, pairs::known_lens::KnownLens, result::LensSource,
+    calibrate::joint::Joint,
+    geometry::lens::Lens,
+    pairs::known_lens::KnownLens,
+    result::{LensSource, Parameter},
     start::linear_camera::CameraSolution,
 };
 
@@ -22,8 +25,13 @@ impl LensResult {
             (KnownLens::Placed(placement), _) => held(LensSource::Given, placement.lens.lens),
             (KnownLens::Estimated(_), Some(joint)) => {
                 // What is not estimated has no variance.
-                let sigma = |i: usize| Some(joint.covariance_px[(i, i)].sqrt()).filter(|s| *s > 0.0);
-                Self { source: LensSource::Estimated, lens: joint.lens, k1_sigma: sigma(5), k2_sigma: sigma(6) }
+                let sigma = |p: Parameter| Some(joint.covariance_of(p, p).sqrt()).filter(|s| *s > 0.0);
+                Self {
+                    source: LensSource::Estimated,
+                    lens: joint.lens,
+                    k1_sigma: sigma(Parameter::K1),
+                    k2_sigma: sigma(Parameter::K2),
+                }
             }
             (KnownLens::Estimated(finding), None) => {
                 let k = &s.intrinsics;

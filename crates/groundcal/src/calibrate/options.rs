@@ -236,9 +236,14 @@ impl Options {
         self.priors.iter().find(|p| p.parameter == parameter).map(|p| (p.mean, p.sigma))
     }
 
+    /// The frame of the estimation: its origin is the assumed principal point.
+    pub(super) fn frame(&self, size: ImageSize) -> Frame {
+        Frame::new(size, self.principal_point_px)
+    }
+
     /// Where the principal point is thought to be, pixels.
     pub(super) fn assumed_principal_point(&self, size: ImageSize) -> [f64; 2] {
-        self.principal_point_px.unwrap_or(size.centre_px())
+        self.frame(size).origin_px.into()
     }
 
     /// Square pixels and the longer side for a focal length, until a camera is known.
@@ -280,7 +285,7 @@ impl Options {
 
     /// What the joint refinement is told, the closed-form camera having been told `camera`.
     pub(super) fn refinement(&self, size: ImageSize, camera: &CameraOptions, estimate_lens: bool) -> BundleOptions {
-        let frame = Frame::new(size, self.principal_point_px);
+        let frame = self.frame(size);
         let k = self.constraint.free();
         let priors = camera.priors(&frame).0;
         let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);

@@ -6,7 +6,7 @@ use std::collections::HashSet;
 use crate::{
     calibrate::{options::Options, stage_options::SourceTraits},
     error::Error,
-    geometry::{frame::Frame, size::ImageSize},
+    geometry::size::ImageSize,
     ids::PairId,
     observer::{Observer, Stage},
     pairs::{
@@ -133,7 +133,7 @@ pub(super) fn from_homographies<'a>(
     if homographies.is_empty() {
         return Err(Error::InvalidInput("no homographies at all".into()));
     }
-    let frame = Frame::new(size, options.principal_point_px);
+    let frame = options.frame(size);
     let observation = |(i, (from, to, estimate)): (usize, &GivenHomography)| {
         if *from >= names.len() || *to >= names.len() || from == to {
             return Err(Error::InvalidInput(format!("homography {i} from {from} to {to} of {} images", names.len())));

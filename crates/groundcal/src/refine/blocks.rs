@@ -14,12 +14,20 @@
 use nalgebra::{DVector, Matrix3, Rotation3, SVector, Vector2, Vector3};
 
 use crate::{
-    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
+    geometry::{
+        camera::INTRINSIC_NAMES,
+        frame::Frame,
+        intrinsics::Intrinsics,
+        lens::{Lens, MAX_LENS_PARAMETERS},
+        parameters::Parameter,
+    },
     numerics::levenberg_marquardt::{Descent, LmOptions},
 };
 
 /// Numbers of a camera matrix.
-pub const MATRIX: usize = 5;
+pub const MATRIX: usize = INTRINSIC_NAMES.len();
+/// Most numbers a camera's block has.
+pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
 /// Numbers of a rig pose.
 pub const RIG_POSE: usize = 6;
 /// Numbers of an attitude group.
@@ -63,6 +71,16 @@ impl CameraState {
     /// How many numbers the block has.
     pub fn count(&self) -> usize {
         MATRIX + self.lens.parameter_names().len()
+    }
+
+    /// The place of a parameter among the numbers of the block (that of fy has ln fy/fx); `None`: the lens has none of it.
+    pub fn place(&self, parameter: Parameter) -> Option<usize> {
+        let among = |names: &[&str]| names.iter().position(|n| *n == parameter.name());
+        if parameter.is_of_lens() {
+            among(self.lens.parameter_names()).map(|i| MATRIX + i)
+        } else {
+            among(&INTRINSIC_NAMES)
+        }
     }
 
     /// The numbers of the block in their order.

@@ -30,10 +30,7 @@ pub mod variance_components;
 
 pub use adjust::adjust;
 pub use blocks::{BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, RigPose, State};
-pub use bundle::{
-    Bundle, CAMERA, CameraEstimate, GROUP_NUMBERS, GroupEstimate, JointCovariance, RigEstimate, VIEW_NUMBERS,
-    ViewEstimate,
-};
+pub use bundle::{Bundle, CameraEstimate, GroupEstimate, JointCovariance, RigEstimate, ViewEstimate};
 pub use residual::SceneModel;
 pub use tracks::{KINDS, Kind, Observation, Track};
 pub use variance_components::{Component, disagreement};

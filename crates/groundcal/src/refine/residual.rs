@@ -19,7 +19,8 @@ use crate::geometry::{
     lens::{Lens, LensProjection, MAX_LENS_PARAMETERS},
 };
 use crate::refine::blocks::{
-    CameraState, FRAME, FrameState, GROUP, GroupState, MATRIX, RIG_POSE, RigPose, rotation_x, rotation_y,
+    CameraState, FRAME, FrameState, GROUP, GroupState, MATRIX, MOST_CAMERA_NUMBERS, RIG_POSE, RigPose, rotation_x,
+    rotation_y,
 };
 
 /// What the points are.
@@ -30,9 +31,6 @@ pub enum SceneModel {
     /// Points too far away to show any translation.
     Directions,
 }
-
-/// Most numbers a camera's block has.
-pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
 
 /// The matrices of a camera at a frame, made once for all points.
 #[derive(Debug, Clone)]
