@@ -6,8 +6,7 @@ use groundcal::{
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     floor::placed::placed,
     geometry::{
-        attitude::rotation_cam_from_world, constraint::Constraint, distortion::Distortion, intrinsics::Intrinsics,
-        size::ImageSize,
+        attitude::rotation_cam_from_world, constraint::Constraint, intrinsics::Intrinsics, lens::Lens, size::ImageSize,
     },
     pairs::correspondence::ImagePair,
     remedy::{Plain, Remedy, Wording},
@@ -30,7 +29,7 @@ fn of_directions(options: Options) -> Calibration {
     let (size, k) = (ImageSize::new(512, 384), Intrinsics::square(420.0, 252.0, 195.0));
     let view = |i: i32| rotation_cam_from_world(0.05 * f64::from(i % 3), 0.02, (20.0 * f64::from(i)).to_radians());
     let rotations: Vec<Matrix3<f64>> = (0..6).map(view).collect();
-    let pairs = turning_pairs(&rotations, &k, &Distortion::default(), size, 3000, 0.3, 0);
+    let pairs = turning_pairs(&rotations, &k, &Lens::None, size, 3000, 0.3, 0);
     calibrate_matches(&names(6), size, &pairs, &options, &Silent).expect("a camera")
 }
 
@@ -39,7 +38,7 @@ fn what_is_written_is_read_back() {
     let scene = PointScene { matches: 300, ..PointScene::nominal(0) };
     let with = |method, constraint, lens| Options { method, constraint, lens, ..Options::default() };
     let joint = of_floor(&scene, with(Method::Joint, Constraint::Auto, LensModel::K1K2));
-    let given = Options { distortion: Distortion::radial(0.01, 0.0), method: Method::Linear, ..Options::default() };
+    let given = Options { distortion: Lens::radial(0.01, 0.0), method: Method::Linear, ..Options::default() };
     let one = PointScene { motions: scene.motions[..1].to_vec(), ..scene.clone() };
     let all = [
         ("joint", joint.clone()),

@@ -158,6 +158,7 @@ fn drive(views: usize, points_a_view: usize) -> (Vec<Track>, State) {
             yaw_rad: 0.2 * (v as f64 * 0.9).sin(),
             position: Vector2::new(0.25 * v as f64, 0.0),
             ln_height_ratio: 0.0,
+            departure: groundcal::refine::Departure::default(),
         })
         .collect();
     let rotations: Vec<_> = poses.iter().map(|p| attitude * yaw_rotation(p.yaw_rad)).collect();
@@ -226,6 +227,7 @@ fn refinement() {
             yaw_rad: v.yaw_rad,
             position: v.centre.xy(),
             ln_height_ratio: 0.0,
+            departure: groundcal::refine::Departure::default(),
         })
     });
     let start = State::of_one_camera(camera, groups.collect(), views.collect());

@@ -2,6 +2,7 @@
 //! the attitudes, what was left out, the warnings.
 
 use groundcal::{
+    geometry::lens::Lens,
     numerics::statistics::NORMAL_95,
     remedy::Wording,
     result::{Calibration, LensSource, Method, MotionReport, Parameter, Scene, Warning},
@@ -106,10 +107,19 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
 fn distortion(c: &Calibration) -> String {
     let d = &c.camera.distortion;
     match (d.source, d.lens.is_none()) {
-        (LensSource::Given, _) => format!("given: k1 {}, k2 {}", c.value(Parameter::K1), c.value(Parameter::K2)),
+        (LensSource::Given, _) => format!("given: {}", given(&d.lens)),
         (LensSource::Estimated, true) => "estimated: none found".into(),
         (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.name().into(),
     }
+}
+
+/// A lens's parameters; of Brown-Conrady k1 and k2, and of the others those that are not zero.
+fn given(lens: &Lens) -> String {
+    let model = if matches!(lens, Lens::Radtan(_)) { String::new() } else { format!("{}, ", lens.name()) };
+    let named = lens.parameter_names().iter().zip(lens.parameters()).enumerate();
+    let said =
+        named.filter(|(i, (_, value))| *i < 2 || *value != 0.0).map(|(_, (name, value))| format!("{name} {value}"));
+    model + &said.collect::<Vec<_>>().join(", ")
 }
 
 /// The camera's numbers with their error bars.

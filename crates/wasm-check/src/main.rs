@@ -23,7 +23,7 @@ fn main() -> Result<(), Error> {
     let calibration = calibrate_matches(&names, scene.size, &pairs, &options, &Silent)?;
     let plan = PlanOptions {
         intrinsics: calibration.camera.intrinsics(),
-        distortion: Default::default(),
+        lens: Default::default(),
         size: scene.size,
         rig: Carrier::Tripod.motion(1.5).rig(),
         noise_px: 0.3,

@@ -8,7 +8,7 @@ use std::{
 use clap::{Args, ValueEnum};
 use groundcal::{
     calibrate::{Method, Options, calibrate_images, calibrate_matches},
-    geometry::{distortion::Distortion, size::ImageSize},
+    geometry::{camera::Camera, lens::Lens, size::ImageSize},
     result::{Calibration, Warning},
     start::linear_camera::GivenPrior,
     vision::image::GrayImage,
@@ -16,10 +16,10 @@ use groundcal::{
 use groundcal_io::{
     export::{self, Format},
     images::read_images,
+    import::read_camera,
     inputs::{Inputs, find_inputs},
     matches::{PairChoice, read_matches, read_pairs},
     names::image_names,
-    note::Note,
 };
 use groundcal_report::{
     html,
@@ -86,6 +86,11 @@ pub(crate) struct CalibrateArgs {
     /// Lens distortion: what is estimated of it (`none`: the error bars do not cover it)
     #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
     pub(crate) distortion: DistortionArg,
+
+    /// Camera file (of groundcal, OpenCV, ROS, Kalibr, COLMAP, nerfstudio) whose lens is known, of any model, fisheyes too: its
+    /// coefficients are held and undone before anything else. Focal length and centre start from the file's and are estimated anew
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["k1", "k2", "distortion"])]
+    pub(crate) lens_from: Option<String>,
 
     /// Known radial distortion of the lens (Brown-Conrady, as OpenCV); it is undone before anything else, none is estimated
     #[arg(long, value_name = "K1", allow_hyphen_values = true)]
@@ -182,7 +187,7 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     let mut times = progress.finish();
     let Calibrated { mut calibration, images, notes } = result?;
     for note in notes {
-        output::note(&note.to_string());
+        output::note(&note);
     }
     if let Some(height_m) = args.camera_height {
         calibration = calibration.with_camera_height(height_m)?;
@@ -218,7 +223,7 @@ struct Calibrated {
     /// The images themselves; none for matches from elsewhere.
     images: Vec<GrayImage>,
     /// What there is to say about the files.
-    notes: Vec<Note>,
+    notes: Vec<String>,
 }
 
 /// Input to calibration.
@@ -236,8 +241,12 @@ fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated
                 options.pairs = Some(read_pairs(path, &names)?);
             }
             let read = read_images(&files)?;
+            let mut notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
+            if let Some(image) = read.images.first() {
+                notes.extend(take_known_lens(args, image.size(), &mut options)?);
+            }
             let calibration = calibrate_images(&names, &read.images, &options, progress)?;
-            Ok(Calibrated { calibration, images: read.images, notes: read.notes })
+            Ok(Calibrated { calibration, images: read.images, notes })
         }
         Inputs::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
@@ -248,15 +257,39 @@ fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated
                 None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
             };
             let table = read_matches(&path, size, choice)?;
+            let notes = take_known_lens(args, size, &mut options)?;
             options.pairs.clone_from(&table.listed);
             let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }
-            Ok(Calibrated { calibration, images: Vec::new(), notes: Vec::new() })
+            Ok(Calibrated { calibration, images: Vec::new(), notes })
         }
     }
+}
+
+/// Takes the lens of `--lens-from`, and the camera matrix through which it was measured, at the size of these images. Returns what there
+/// is to say about the file.
+fn take_known_lens(args: &CalibrateArgs, size: ImageSize, options: &mut Options) -> Result<Vec<String>, CliError> {
+    let Some(file) = &args.lens_from else { return Ok(Vec::new()) };
+    let imported = read_camera(file)?;
+    if imported.lens.is_none() {
+        return Err(CliError::Usage(format!(
+            "--lens-from {file}: it has no lens distortion. Give --distortion none for a lens known to have none"
+        )));
+    }
+    let of_file = imported.size.unwrap_or(size);
+    if !size.has_shape_of(of_file) {
+        return Err(CliError::Usage(format!(
+            "--lens-from {file}: a camera of {of_file} pixels, the images have {size}: another shape, so they are not the same picture \
+             at another size"
+        )));
+    }
+    let camera = Camera { size: of_file, intrinsics: imported.intrinsics, lens: imported.lens }.scaled_to(size);
+    options.distortion = camera.lens;
+    options.distortion_camera = Some(camera.intrinsics);
+    Ok(imported.notes)
 }
 
 fn options(args: &CalibrateArgs) -> Options {
@@ -269,7 +302,10 @@ fn options(args: &CalibrateArgs) -> Options {
         method: args.method.into(),
         priors: args.prior.clone(),
         height_sigma: args.height_sigma,
-        distortion: Distortion::radial(args.k1.unwrap_or(0.0), args.k2.unwrap_or(0.0)),
+        distortion: match [args.k1, args.k2].map(|k| k.unwrap_or(0.0)) {
+            [0.0, 0.0] => Lens::None,
+            [k1, k2] => Lens::radial(k1, k2),
+        },
         attitude_sigma_deg: args.attitude_sigma_deg,
         seed: args.seed,
         ..Options::default()

@@ -148,11 +148,7 @@ fn scaled(camera: Camera, size: ImageSize) -> Result<(Camera, Option<[usize; 2]>
         return Ok((camera, None));
     }
     let (sx, sy) = (size.width as f64 / own.width as f64, size.height as f64 / own.height as f64);
-    // A size scaled by one factor is off by rounding at most.
-    let same_shape = (sx * own.height as f64 - size.height as f64).abs() < 1.0
-        || (sy * own.width as f64 - size.width as f64).abs() < 1.0
-        || (own.height as f64 - size.height as f64 / sx).abs() < 1.0;
-    if !same_shape {
+    if !size.has_shape_of(own) {
         return Err(format!(
             "images of {size} and {own} pixels. Cameras can be compared at one size, or where one image is the other scaled as a \
              whole (not cropped)"

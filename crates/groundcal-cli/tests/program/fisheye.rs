@@ -2,6 +2,14 @@
 
 use std::{collections::HashMap, path::Path, process::Command};
 
+use groundcal::{
+    geometry::{
+        intrinsics::Intrinsics,
+        lens::{Fisheye, Lens},
+        size::ImageSize,
+    },
+    synthetic::points::PointScene,
+};
 use serde_json::json;
 use tempfile::tempdir;
 
@@ -154,4 +162,59 @@ fn a_scene_with_a_fisheye_is_rendered_and_its_truth_is_the_camera() {
         write(folder.path(), "wrong.toml", std::fs::read_to_string(&scene).unwrap().replace("k1 = 0.02", "p1 = 0.02"));
     let run = groundcal(&["render", &wrong, "--out", &out]);
     assert!(run.code == 4 && run.stderr.contains("camera.lens"), "{}", run.stderr);
+}
+
+/// Matches of three motions through the camera of [`KALIBR`].
+fn matches_csv() -> String {
+    let scene = PointScene {
+        intrinsics: Intrinsics { fx: 318.31, fy: 318.52, cx: 499.7, cy: 499.2, skew: 0.0 },
+        lens: Lens::Fisheye(Fisheye::new([0.01, -0.003, 0.0005, -0.0001])),
+        size: ImageSize::new(1000, 1000),
+        matches: 300,
+        sigma_px: 0.2,
+        ..PointScene::nominal(3)
+    };
+    let mut csv = String::from("image_a,image_b,xa,ya,xb,yb\n");
+    for (i, motion) in scene.pairs().iter().enumerate() {
+        for m in &motion.pair.matches {
+            csv += &format!("{i}a,{i}b,{},{},{},{}\n", m.a.x, m.a.y, m.b.x, m.b.y);
+        }
+    }
+    csv
+}
+
+#[test]
+fn a_fisheye_lens_from_a_file_is_held_and_its_camera_matrix_estimated() {
+    let folder = tempdir().unwrap();
+    let csv = write(folder.path(), "matches.csv", matches_csv());
+    // Of images of half the size, 2 % off.
+    let other = KALIBR
+        .replace("[318.31, 318.52, 499.7, 499.2]", "[162.0, 162.0, 251.0, 248.0]")
+        .replace("1000, 1000", "500, 500");
+    let file = write(folder.path(), "camchain.yaml", &other);
+    let out = text(&folder.path().join("out"));
+    let run =
+        done(&["calibrate", &csv, "--image-size", "1000x1000", "--lens-from", &file, "--json", "--out", &out]).json();
+    for (name, truth) in [("fx", 318.31), ("fy", 318.52), ("cx", 499.7), ("cy", 499.2)] {
+        let (value, sd) =
+            (number(&run, &format!("/camera/{name}")), number(&run, &format!("/standard_deviation/{name}")));
+        assert!((value - truth).abs() < 4.0 * sd && sd < 1.0, "{name} {value} +- {sd}");
+    }
+    let lens = &run["camera"]["distortion"];
+    assert_eq!([&lens["model"], &lens["source"]], ["fisheye", "given"]);
+    assert_eq!((number(lens, "/k1"), number(lens, "/k4")), (0.01, -0.0001));
+    let written = done(&["compare", &file, &text(&folder.path().join("out")), "--json"]).json();
+    assert_eq!(written["reference"]["lens"], "fisheye");
+
+    let cropped = KALIBR.replace("1000, 1000", "1000, 800");
+    let file = write(folder.path(), "cropped.yaml", &cropped);
+    let refused = groundcal(&["calibrate", &csv, "--image-size", "1000x1000", "--lens-from", &file]);
+    assert!(refused.code == 2 && refused.stderr.contains("another shape"), "{}", refused.stderr);
+    let file = write(
+        folder.path(),
+        "pinhole.yaml",
+        KALIBR.replace("[0.01, -0.003, 0.0005, -0.0001]", "[]").replace("equidistant", "none"),
+    );
+    let refused = groundcal(&["calibrate", &csv, "--image-size", "1000x1000", "--lens-from", &file]);
+    assert!(refused.code == 2 && refused.stderr.contains("--distortion none"), "{}", refused.stderr);
 }

@@ -4,7 +4,11 @@ use std::{process::Command, sync::OnceLock};
 
 use crate::{common::*, readers::python};
 use groundcal::{
-    geometry::{attitude::rotation_cam_from_world, distortion::Distortion, intrinsics::Intrinsics},
+    geometry::{
+        attitude::rotation_cam_from_world,
+        intrinsics::Intrinsics,
+        lens::{Lens, Radtan},
+    },
     synthetic::points::{MotionSpec, PointScene},
 };
 use nalgebra::{Vector2, Vector3};
@@ -28,7 +32,7 @@ fn lens() -> &'static (TempDir, String) {
     static RUN: OnceLock<(TempDir, String)> = OnceLock::new();
     RUN.get_or_init(|| {
         let mut scene = PointScene::nominal(5);
-        scene.distortion = Distortion::radial(-0.12, 0.03);
+        scene.lens = Lens::radial(-0.12, 0.03);
         let second = scene.motions[0];
         scene.motions.push(MotionSpec { turn_rad: -second.turn_rad, ..second });
         let mut csv = String::from("image_a,image_b,xa,ya,xb,yb\n");
@@ -54,7 +58,7 @@ fn expected(calibration: &Value) -> Vec<Value> {
     let c = |name: &str| number(calibration, &format!("/camera/{name}"));
     let k = Intrinsics { fx: c("fx"), fy: c("fy"), cx: c("cx"), cy: c("cy"), skew: c("skew") };
     let [k1, k2, p1, p2] = ["k1", "k2", "p1", "p2"].map(|n| c(&format!("distortion/{n}")));
-    let lens = Distortion { k1, k2, p1, p2 };
+    let lens = Lens::Radtan(Radtan::new([k1, k2, p1, p2, 0.0]));
     let views = calibration["views"].as_array().unwrap();
     let origin = &views[0]["origin"];
     let mut points = Vec::new();
@@ -70,7 +74,7 @@ fn expected(calibration: &Value) -> Vec<Value> {
             // Off the floor a little: the height must come through too.
             point.z = 0.05;
             let seen = r * (point - centre);
-            let seen = k.pixel_from_normalised(&lens.distort(&(seen.xy() / seen.z)));
+            let seen = k.pixel_from_normalised(&lens.project(&seen).unwrap());
             points.push(json!({"image": view["image"], "point": point.as_slice(), "pixel": seen.as_slice()}));
         }
     }

@@ -15,9 +15,9 @@ use groundcal::{
     error::Error,
     geometry::{
         attitude::{angles_from_rotation, rotation_cam_from_world},
-        distortion::Distortion,
         frame::Frame,
         intrinsics::Intrinsics,
+        lens::Lens,
         plane_view::View,
         size::ImageSize,
     },
@@ -286,7 +286,7 @@ pub fn scene(condition: &Condition, seed: u64, trial: u64) -> PointScene {
         .collect();
     PointScene {
         intrinsics: Intrinsics { fx, fy, cx, cy, skew: 0.0 },
-        distortion: Distortion::default(),
+        lens: Lens::None,
         size: SIZE,
         motions,
         matches: condition.matches,

@@ -1,17 +1,18 @@
 //! The plane's normal in the camera frame, as circular points under a camera matrix show it.
 
-use nalgebra::{Complex, SMatrix, Vector2, Vector3};
+use nalgebra::{Complex, SMatrix, Vector3};
 
 use crate::{
     geometry::{
         attitude::{attitude_from_up, up_in_camera},
+        camera::INTRINSIC_NAMES,
         frame::Frame,
         intrinsics::Intrinsics,
         size::ImageSize,
     },
     ids::PairId,
     pairs::{circular_points::CircularPoint, observation::PairObservation},
-    refine::GROUP_NUMBERS,
+    refine::JointCovariance,
     select::attitude_groups::AttitudeGroup,
 };
 
@@ -27,11 +28,11 @@ impl Attitude {
     /// From a circular point (frame coordinates): the normal is the cross product of the real and imaginary part of
     /// K⁻¹e. It points up: away from the points seen on the floor, or, when points lie on both sides of the horizon (a
     /// scene at infinity), to the top of the image.
-    fn of(point: &CircularPoint, k: &Intrinsics, frame: &Frame, seen: impl Iterator<Item = Vector2<f64>>) -> Self {
+    fn of(point: &CircularPoint, k: &Intrinsics, frame: &Frame, seen: impl Iterator<Item = Vector3<f64>>) -> Self {
         let mut up = normal_of(point, k, frame);
         let (mut below, mut above) = (0usize, 0usize);
         for p in seen {
-            if k.ray(&p).dot(&up) < 0.0 {
+            if (k.inverse_matrix() * p).dot(&up) < 0.0 {
                 below += 1;
             } else {
                 above += 1;
@@ -53,7 +54,7 @@ impl Attitude {
         pairs: &[PairObservation],
         used: &[PairId],
     ) -> Self {
-        let seen = group.members.iter().flat_map(|&member| pairs[used[member]].inliers().map(|m| m.a));
+        let seen = group.members.iter().flat_map(|&member| pairs[used[member]].seen_in_first());
         Self::of(&group.fused.point, k, frame, seen)
     }
 
@@ -69,26 +70,32 @@ impl Attitude {
         &self,
         k: &Intrinsics,
         size: ImageSize,
-        covariance: &SMatrix<f64, GROUP_NUMBERS, GROUP_NUMBERS>,
+        covariance: &JointCovariance,
     ) -> Option<[f64; 2]> {
         let [x, y] = size.centre_px();
         // The line's normal turns by the cross product, its distance changes by the difference.
         let [a, b, c] = self.horizon_px?;
+        // The camera matrix, pitch and roll; neither the lens nor the height has a part in an ideal horizon.
+        const NUMBERS: usize = INTRINSIC_NAMES.len() + 2;
         let moved = |i: usize, step: f64| {
-            let mut p = [k.fx, k.fy, k.cx, k.cy, k.skew, 0.0, 0.0, self.pitch_down_rad, self.roll_rad, 0.0];
+            let mut p = [k.fx, k.fy, k.cx, k.cy, k.skew, self.pitch_down_rad, self.roll_rad];
             p[i] += step;
-            let k = Intrinsics { fx: p[0], fy: p[1], cx: p[2], cy: p[3], skew: p[4] };
-            let [a2, b2, c2] = horizon_px(&k, &up_in_camera(p[7], p[8]))?;
+            let [fx, fy, cx, cy, skew, pitch_down_rad, roll_rad] = p;
+            let k = Intrinsics { fx, fy, cx, cy, skew };
+            let [a2, b2, c2] = horizon_px(&k, &up_in_camera(pitch_down_rad, roll_rad))?;
             Some([(a * b2 - b * a2).atan2(a * a2 + b * b2), (a2 - a) * x + (b2 - b) * y + (c2 - c)])
         };
-        let mut jacobian = SMatrix::<f64, 2, GROUP_NUMBERS>::zeros();
-        for i in 0..GROUP_NUMBERS {
-            let h = if i < 5 { 1e-3 } else { 1e-6 };
+        let mut jacobian = SMatrix::<f64, 2, NUMBERS>::zeros();
+        for i in 0..NUMBERS {
+            let h = if i < INTRINSIC_NAMES.len() { 1e-3 } else { 1e-6 };
             let (up, down) = (moved(i, h)?, moved(i, -h)?);
             for r in 0..2 {
                 jacobian[(r, i)] = (up[r] - down[r]) / (2.0 * h);
             }
         }
+        let after_camera = covariance.camera_numbers();
+        let place = |i: usize| i.checked_sub(INTRINSIC_NAMES.len()).map_or(i, |of_pose| after_camera + of_pose);
+        let covariance = SMatrix::<f64, NUMBERS, NUMBERS>::from_fn(|r, c| covariance.matrix()[(place(r), place(c))]);
         let variance = jacobian * covariance * jacobian.transpose();
         Some([0, 1].map(|i| variance[(i, i)].max(0.0).sqrt()))
     }

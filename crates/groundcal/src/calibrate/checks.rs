@@ -6,10 +6,10 @@ use crate::{
         stage_options::StageOptions,
     },
     error::Error,
-    geometry::{distortion::Distortion, intrinsics::Intrinsics, parameters::PriorParameter},
+    geometry::{intrinsics::Intrinsics, lens::Lens, parameters::PriorParameter},
     ids::{ImageId, PairId},
     numerics::statistics::chi_squared_survival,
-    pairs::{known_lens::KnownLens, observation::PairObservation, plane_lens::Lens},
+    pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::{PrincipalPointDoubt, Warning},
     start::linear_camera::PriorUse,
 };
@@ -44,12 +44,12 @@ pub(super) fn unmodelled_distortion(
     pairs: &[PairObservation],
     lens: &KnownLens,
     k: &Intrinsics,
-    solve: impl Fn(&Lens) -> Result<Intrinsics, Error>,
+    solve: impl Fn(&PlacedLens) -> Result<Intrinsics, Error>,
 ) -> Result<Option<Warning>, Error> {
     if !matches!(lens, KnownLens::NotModelled) || pairs.iter().all(|pair| pair.matches.is_empty()) {
         return Ok(None);
     }
-    let percent_if = |k1: f64| match solve(&Lens { distortion: Distortion::radial(k1, 0.0), intrinsics: *k }) {
+    let percent_if = |k1: f64| match solve(&PlacedLens { lens: Lens::radial(k1, 0.0), intrinsics: *k }) {
         Ok(undone) => Ok(Some(100.0 * (k.fx / undone.fx - 1.0))),
         Err(Error::Stopped) => Err(Error::Stopped),
         Err(_) => Ok(None),

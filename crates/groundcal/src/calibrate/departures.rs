@@ -38,6 +38,7 @@ pub(super) fn with_departure(
     }
     let mut options = refined.options.clone();
     options.bundle.departures.push(kind);
+    options.bundle = options.bundle.for_trial();
     let starts = vec![bundle.state.clone()];
     let mut with = match matter.refined_again(refined, refined.solution.clone(), options, starts) {
         Ok(with) => with,

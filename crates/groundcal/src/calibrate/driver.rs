@@ -9,7 +9,7 @@
 
 use crate::{
     calibrate::{
-        lens::{estimated_lens_of_motions, given_lens_of_motions, through_own_camera},
+        lens::{estimated_lens_of_motions, given_lens_of_motions, lens_placed_by_motions, through_own_camera},
         names::Names,
         options::{Method, MotionModel, Options},
         order::in_order_of_images,
@@ -24,11 +24,11 @@ use crate::{
     error::Error,
     observer::{Observer, Stage},
     pairs::{
-        known_lens::{KnownLens, find_lens},
+        known_lens::{KnownLens, find_lens, find_placement},
         observation::{PairObservation, images_of},
         observe::observe,
         patch::match_by_patches,
-        plane_lens::Lens,
+        placed_lens::PlacedLens,
     },
     remedy::Remedy,
     result::{Calibration, Warning},
@@ -95,8 +95,12 @@ fn observe_pairs(
     let lens = if options.distortion.is_none() {
         KnownLens::NotModelled
     } else {
-        let intrinsics = options.middling_camera(stages.size);
-        KnownLens::Given(Lens { distortion: options.distortion, intrinsics })
+        let measured = PlacedLens { lens: options.distortion, intrinsics: options.camera_of_lens(stages.size) };
+        if measured.lens.sees_behind() {
+            let (pairs, placement) = find_placement(pairs, measured, &stages.observe, observer)?;
+            return Ok((pairs, KnownLens::Placed(placement)));
+        }
+        KnownLens::Given(measured)
     };
     Ok((observe(pairs, lens.lens(), &stages.observe, observer)?, lens))
 }
@@ -209,6 +213,8 @@ fn seen_again(found: Found, stages: &StageOptions<'_>, observer: &dyn Observer) 
             if point.last_change > SETTLED {
                 warnings.push(Warning::DistortionNotConverged { relative_change: point.last_change });
             }
+        } else if let KnownLens::Placed(before) = lens {
+            (pairs, lens) = lens_placed_by_motions(pairs, &selection, before, stages, observer)?;
         } else if let Some(options) = &stages.lens {
             (pairs, selection, lens) = estimated_lens_of_motions(pairs, selection, lens, options, stages, observer)?;
         }

@@ -10,7 +10,7 @@ use crate::{
         correspondence::PointMatch,
         known_lens::KnownLens,
         observation::{PairObservation, carried},
-        plane_lens::Lens,
+        placed_lens::PlacedLens,
     },
     refine::{
         BundleOptions, Kind,
@@ -36,7 +36,7 @@ pub(super) fn evidence_of(
     }
 }
 
-fn pair_evidence(pair: &PairObservation, lens: Option<&Lens>, frame: &Frame) -> PairEvidence {
+fn pair_evidence(pair: &PairObservation, lens: Option<&PlacedLens>, frame: &Frame) -> PairEvidence {
     let images = pair.images().map(|image| image.index());
     // Pairs without a plane are many and say nothing point by point.
     let Some(plane) = pair.plane() else { return PairEvidence { images, ..PairEvidence::default() } };

@@ -4,14 +4,14 @@ use nalgebra::{DMatrix, DVector, SMatrix};
 
 use crate::{
     calibrate::views::Views,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
     ids::{GroupId, PairId},
     numerics::{levenberg_marquardt::StopReason, linalg::inverse_spd},
     refine::{
-        Bundle, BundleOptions, CAMERA, CameraUnknowns, GroupEstimate, Kind, Track, bundle::pixels_by_camera,
-        disagreement,
+        Bundle, BundleOptions, CameraEstimate, CameraUnknowns, GroupEstimate, JointCovariance, Kind, Track,
+        ViewEstimate, blocks::MATRIX, bundle::pixels_by_camera, disagreement,
     },
-    result::{Refinement, ResidualReport},
+    result::{Covariance, Parameter, Refinement, ResidualReport, ViewParameter},
     start::linear_camera::{CameraSolution, PriorParameter, PriorUse},
 };
 
@@ -41,11 +41,11 @@ pub(super) struct Joint {
     /// Camera matrix in pixels.
     pub(super) intrinsics: Intrinsics,
     /// Lens.
-    pub(super) distortion: Distortion,
-    /// Covariance of (fx, fy, cx, cy, skew, k1, k2), pixels.
-    pub(super) covariance_px: SMatrix<f64, CAMERA, CAMERA>,
+    pub(super) lens: Lens,
+    /// Covariance of the camera's numbers, pixels: fx, fy, cx, cy, skew, then those of its lens.
+    covariance_px: DMatrix<f64>,
     /// Derivative of the same by the camera's numbers of the refinement.
-    by_camera: SMatrix<f64, CAMERA, CAMERA>,
+    by_camera: DMatrix<f64>,
 }
 
 impl Joint {
@@ -53,12 +53,11 @@ impl Joint {
         let camera = &bundle.cameras[0];
         let mut intrinsics = frame.intrinsics_to_pixel(&camera.state.intrinsics_in_frame());
         intrinsics.skew += 0.0;
-        let jacobian = pixels_by_camera(&intrinsics, frame);
-        let [k1, k2, p1, p2] = ["k1", "k2", "p1", "p2"].map(|name| camera.state.lens.parameter(name).unwrap_or(0.0));
+        let jacobian = pixels_by_camera(&intrinsics, frame, camera.state.count());
         Self {
             intrinsics,
-            distortion: Distortion { k1, k2, p1, p2 },
-            covariance_px: jacobian * camera.fixed_covariance() * jacobian.transpose(),
+            lens: camera.state.lens,
+            covariance_px: &jacobian * &camera.covariance * jacobian.transpose(),
             by_camera: jacobian,
             views,
             cross_links: Vec::new(),
@@ -69,11 +68,29 @@ impl Joint {
         }
     }
 
-    /// A covariance whose first numbers are the camera's of the refinement with these in pixels.
-    pub(super) fn in_pixels<const N: usize>(&self, covariance: &SMatrix<f64, N, N>) -> SMatrix<f64, N, N> {
-        let mut jacobian = SMatrix::<f64, N, N>::identity();
-        jacobian.fixed_view_mut::<CAMERA, CAMERA>(0, 0).copy_from(&self.by_camera);
-        jacobian * covariance * jacobian.transpose()
+    /// A covariance with the camera's numbers in pixels.
+    pub(super) fn in_pixels(&self, covariance: &JointCovariance) -> JointCovariance {
+        covariance.in_pixels(&self.by_camera)
+    }
+
+    /// The covariance of two parameters, pixels; zero where one was held or the lens has none of it.
+    pub(super) fn covariance_of(&self, a: Parameter, b: Parameter) -> f64 {
+        let camera = &self.bundle.cameras[0].state;
+        camera.place(a).zip(camera.place(b)).map_or(0.0, |places| self.covariance_px[places])
+    }
+
+    /// Covariance of the numbers of a view, by name.
+    pub(super) fn view_covariance(&self, view: &ViewEstimate) -> Covariance<ViewParameter> {
+        let camera = &self.bundle.cameras[0].state;
+        let covariance = self.in_pixels(&view.covariance);
+        let place = |p: ViewParameter| match p {
+            ViewParameter::Camera(p) => camera.place(p),
+            other => ViewParameter::OF_POSE.iter().position(|q| *q == other).map(|i| camera.count() + i),
+        };
+        let places = ViewParameter::ALL.map(place);
+        Covariance::from_fn(&ViewParameter::ALL, |r, c| {
+            places[r].zip(places[c]).map_or(0.0, |places| covariance.matrix()[places])
+        })
     }
 
     /// The attitude of the closed-form solution that a group has.
@@ -121,8 +138,8 @@ impl Joint {
 
     /// How much of the variance of ln fx comes from the lens.
     pub(super) fn share_of_lens(&self) -> f64 {
-        let c = self.bundle.cameras[0].fixed_covariance();
-        let free: Vec<usize> = (5..CAMERA).filter(|&i| c[(i, i)] > 0.0).collect();
+        let c = &self.bundle.cameras[0].covariance;
+        let free: Vec<usize> = (MATRIX..c.nrows()).filter(|&i| c[(i, i)] > 0.0).collect();
         let lens = DMatrix::from_fn(free.len(), free.len(), |r, s| c[(free[r], free[s])]);
         let cross = DVector::from_fn(free.len(), |r, _| c[(free[r], 0)]);
         match inverse_spd(&lens) {
@@ -144,7 +161,7 @@ impl Joint {
     /// The closed-form solution with the refined numbers in their places.
     pub(super) fn solution(&self, start: CameraSolution, options: &BundleOptions) -> CameraSolution {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
-        let covariance = self.bundle.cameras[0].fixed_covariance();
+        let CameraEstimate { state, covariance } = &self.bundle.cameras[0];
         let ratio = |i: usize, sigma: f64| covariance[(i, i)].max(0.0).sqrt() / sigma;
         let unknowns = &options.cameras[0];
         let of_camera = start.priors.into_iter().map(|p| {
@@ -153,18 +170,18 @@ impl Joint {
             let conflict = index.and_then(|i| self.prior_conflict(unknowns, i));
             PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), conflict, ..p }
         });
-        let of_lens = (5..CAMERA).filter_map(|i| {
-            let (mean, sigma) = unknowns.prior(i)?;
-            let parameter = PriorParameter::ALL[i];
-            let conflict = self.prior_conflict(unknowns, i);
-            Some(PriorUse { parameter, mean, sigma, posterior_over_prior: ratio(i, sigma), conflict })
+        let of_lens = Parameter::ALL.into_iter().filter(|p| p.is_of_lens()).filter_map(|p| {
+            let place = state.place(p)?;
+            let (mean, sigma) = unknowns.prior(place)?;
+            let conflict = self.prior_conflict(unknowns, place);
+            Some(PriorUse { parameter: p.prior(), mean, sigma, posterior_over_prior: ratio(place, sigma), conflict })
         });
         let priors = of_camera.chain(of_lens).collect();
         let mut estimated = start.estimated;
         estimated[4] = unknowns.is_free(4);
         CameraSolution {
             intrinsics: self.intrinsics,
-            covariance_px: self.covariance_px.fixed_view::<5, 5>(0, 0).into_owned(),
+            covariance_px: self.covariance_px.fixed_view::<MATRIX, MATRIX>(0, 0).into_owned(),
             estimated,
             priors,
             chi_squared,

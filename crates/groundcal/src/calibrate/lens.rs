@@ -8,10 +8,11 @@ use crate::{
     geometry::intrinsics::Intrinsics,
     observer::Observer,
     pairs::{
-        known_lens::{DistortionCentre, KnownLens, LensFinding, LensOptions, lens_of_motions},
+        known_lens::{DistortionCentre, KnownLens, LensFinding, LensOptions, lens_of_motions, placement_of},
+        lens_placement::LensPlacement,
         observation::PairObservation,
         observe::{observe_again, observe_anew, refit_all},
-        plane_lens::Lens,
+        placed_lens::PlacedLens,
     },
     select::selection::Selection,
     start::{
@@ -38,7 +39,7 @@ const CENTRE_SIGMA_FLOOR: f64 = 5e-3;
 pub(super) fn through_own_camera(
     mut pairs: Vec<PairObservation>,
     mut selection: Selection,
-    start: Lens,
+    start: PlacedLens,
     select: impl Fn(&[PairObservation]) -> Result<Selection, Error>,
     stages: &StageOptions<'_>,
     observer: &dyn Observer,
@@ -58,13 +59,13 @@ pub(super) fn through_own_camera(
 fn given_lens_of(
     pairs: &[PairObservation],
     selection: &Selection,
-    start: Lens,
+    start: PlacedLens,
     stages: &StageOptions<'_>,
     observer: &dyn Observer,
 ) -> Result<FixedPoint, Error> {
     let used = selection.used();
     let rotating = stages.options.method == Method::Rotating;
-    fixed_point(start, |lens: &Lens| -> Result<Intrinsics, Error> {
+    fixed_point(start, |lens: &PlacedLens| -> Result<Intrinsics, Error> {
         observer.go_on()?;
         Ok(if rotating {
             camera_of_rotations_through(lens, pairs, &used, &stages.frame, &stages.rotating, observer)?.intrinsics
@@ -81,12 +82,31 @@ fn given_lens_of(
 pub(super) fn given_lens_of_motions(
     pairs: Vec<PairObservation>,
     selection: &Selection,
-    start: Lens,
+    start: PlacedLens,
     stages: &StageOptions<'_>,
     observer: &dyn Observer,
 ) -> Result<(Vec<PairObservation>, FixedPoint), Error> {
     let found = given_lens_of(&pairs, selection, start, stages, observer)?;
     Ok((refit_all(pairs, &found.lens, &stages.frame, observer)?, found))
+}
+
+/// A known lens that sees behind the camera through the camera matrix that the planes of the motions tell, and their homographies undone
+/// by it.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(super) fn lens_placed_by_motions(
+    pairs: Vec<PairObservation>,
+    selection: &Selection,
+    before: LensPlacement,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<(Vec<PairObservation>, KnownLens), Error> {
+    let intrinsics = stages.options.camera_of_lens(stages.size);
+    let measured = PlacedLens { lens: before.lens.lens, intrinsics };
+    let found = placement_of(&pairs, &selection.used(), &before, &measured, &stages.frame, observer)?;
+    let placement = found.unwrap_or(before);
+    Ok((refit_all(pairs, &placement.lens, &stages.frame, observer)?, KnownLens::Placed(placement)))
 }
 
 /// The lens from the motions selected alone, about the principal point that they give, and their homographies with it undone, in
@@ -104,7 +124,7 @@ pub(super) fn estimated_lens_of_motions(
 ) -> Result<(Vec<PairObservation>, Selection, KnownLens), Error> {
     let mut finding: Option<LensFinding> = match lens {
         KnownLens::Estimated(finding) => Some(finding),
-        KnownLens::NotModelled | KnownLens::Given(_) => None,
+        KnownLens::NotModelled | KnownLens::Given(_) | KnownLens::Placed(_) => None,
     };
     for _ in 0..ESTIMATED_ROUNDS {
         selection = selection.confirmed(&pairs);

@@ -33,7 +33,7 @@ use nalgebra::{Complex, Vector3};
 
 use crate::{
     error::Error,
-    geometry::{frame::Frame, size::ImageSize},
+    geometry::size::ImageSize,
     ids::ImageId,
     pairs::{
         circular_points::{CircularPoint, MotionGeometry},
@@ -116,7 +116,7 @@ pub fn calibrate_circular_points(
     options: &Options,
 ) -> Result<CameraSolution, Error> {
     options.validate(size)?;
-    let frame = Frame::new(size, options.principal_point_px);
+    let frame = options.frame(size);
     let to_frame = frame.frame_matrix().map(|x| Complex::new(x, 0.0));
     let motions: Vec<Motion> = points
         .iter()

@@ -3,7 +3,7 @@
 pub use crate::result::Method;
 use crate::{
     error::Error,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     pairs::{
         known_lens::{K1_SIGMA, K2_SIGMA},
         robust::RobustOptions,
@@ -60,8 +60,13 @@ pub struct Options {
     pub principal_point_px: Option<[f64; 2]>,
     /// fy / fx where it is held, centre of its prior otherwise (default: 1).
     pub aspect: Option<f64>,
-    /// A known lens distortion; it is undone before anything else.
-    pub distortion: Distortion,
+    /// A known lens, of any model: its coefficients are held and undone before anything else; the camera matrix through which they
+    /// act is estimated. [`Lens::None`]: not known.
+    pub distortion: Lens,
+    /// The camera matrix, in pixels of these images, through which `distortion` was measured: where the focal length and the centre
+    /// of a known lens start from; they are estimated all the same, and there is no prior at these values. A lens that sees beyond 90
+    /// degrees needs it: through another focal length a floor is no plane. `None`: the longer side for a focal length.
+    pub distortion_camera: Option<Intrinsics>,
     /// What is estimated of a lens distortion where none is given.
     pub lens: LensModel,
     /// Priors that take the place of those of `auto`, or join the other constraints (joint refinement; the linear method knows
@@ -103,7 +108,8 @@ impl Default for Options {
             constraint: Constraint::Auto,
             principal_point_px: None,
             aspect: None,
-            distortion: Distortion::default(),
+            distortion: Lens::None,
+            distortion_camera: None,
             lens: LensModel::default(),
             priors: Vec::new(),
             attitude_sigma_deg: None,
@@ -130,6 +136,9 @@ const GIVEN_ASPECT_SIGMA: f64 = 0.001;
 /// Prior of the principal point as a fraction of the image width under `auto`, and when it is given.
 const PRINCIPAL_POINT_SIGMA: f64 = 0.05;
 const GIVEN_PRINCIPAL_POINT_SIGMA: f64 = 0.01;
+
+/// Largest coefficient of a known lens.
+const MAX_COEFFICIENT: f64 = 10.0;
 
 impl Options {
     /// Checks every option once.
@@ -159,10 +168,7 @@ impl Options {
         {
             return fail(format!("height sigma {sigma} must lie between 0 and 10"));
         }
-        let d = &self.distortion;
-        if ![d.k1, d.k2, d.p1, d.p2].iter().all(|v| v.is_finite() && v.abs() <= 10.0) {
-            return fail(format!("distortion k1 {}, k2 {} must be finite and at most 10 in size", d.k1, d.k2));
-        }
+        self.validate_distortion()?;
         for p in &self.priors {
             let name = p.parameter.name();
             let positive = matches!(p.parameter, PriorParameter::Fx | PriorParameter::Aspect);
@@ -201,6 +207,33 @@ impl Options {
         Ok(())
     }
 
+    fn validate_distortion(&self) -> Result<(), Error> {
+        let lens = &self.distortion;
+        for (name, value) in lens.parameter_names().iter().zip(lens.parameters()) {
+            if !(value.is_finite() && value.abs() <= MAX_COEFFICIENT) {
+                return Err(Error::InvalidOption(format!(
+                    "distortion {name} {value} must be finite and at most {MAX_COEFFICIENT} in size"
+                )));
+            }
+        }
+        let numbers = self.distortion_camera.map(|k| [k.fx, k.fy, k.cx, k.cy, k.skew]);
+        if let Some(numbers) = numbers
+            && !(numbers.iter().all(|v| v.is_finite()) && numbers[0] > 0.0 && numbers[1] > 0.0)
+        {
+            return Err(Error::InvalidOption(
+                "the camera matrix of a known lens must be finite, its focal lengths positive".into(),
+            ));
+        }
+        if lens.sees_behind() && numbers.is_none() {
+            return Err(Error::InvalidOption(format!(
+                "a known {} lens without the camera matrix through which it was measured: a lens that sees beyond 90 degrees is undone \
+                 from there",
+                lens.name()
+            )));
+        }
+        Ok(())
+    }
+
     /// Whether a number of the camera is estimated at all.
     fn is_estimated(&self, parameter: PriorParameter) -> bool {
         let free = self.constraint.free();
@@ -221,15 +254,25 @@ impl Options {
         self.priors.iter().find(|p| p.parameter == parameter).map(|p| (p.mean, p.sigma))
     }
 
+    /// The frame of the estimation: its origin is the assumed principal point.
+    pub(super) fn frame(&self, size: ImageSize) -> Frame {
+        Frame::new(size, self.principal_point_px)
+    }
+
     /// Where the principal point is thought to be, pixels.
     pub(super) fn assumed_principal_point(&self, size: ImageSize) -> [f64; 2] {
-        self.principal_point_px.unwrap_or(size.centre_px())
+        self.frame(size).origin_px.into()
     }
 
     /// Square pixels and the longer side for a focal length, until a camera is known.
     pub(super) fn middling_camera(&self, size: ImageSize) -> Intrinsics {
         let [cx, cy] = self.assumed_principal_point(size);
         Intrinsics::square(size.width.max(size.height) as f64, cx, cy)
+    }
+
+    /// The camera matrix through which a known lens acts before a camera is known.
+    pub(super) fn camera_of_lens(&self, size: ImageSize) -> Intrinsics {
+        self.distortion_camera.unwrap_or_else(|| self.middling_camera(size))
     }
 
     /// Whether the distortion is to be found.
@@ -260,7 +303,7 @@ impl Options {
 
     /// What the joint refinement is told, the closed-form camera having been told `camera`.
     pub(super) fn refinement(&self, size: ImageSize, camera: &CameraOptions, estimate_lens: bool) -> BundleOptions {
-        let frame = Frame::new(size, self.principal_point_px);
+        let frame = self.frame(size);
         let k = self.constraint.free();
         let priors = camera.priors(&frame).0;
         let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);

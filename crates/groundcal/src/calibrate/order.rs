@@ -7,7 +7,7 @@
 use crate::{
     pairs::{
         observation::{PairObservation, carried},
-        plane_lens::Lens,
+        placed_lens::PlacedLens,
     },
     result::{Calibration, MotionReport, evidence::PairEvidence},
     vision::image::GrayImage,
@@ -75,7 +75,7 @@ fn reversed_motion(m: MotionReport) -> MotionReport {
     }
 }
 
-fn reversed_evidence(e: PairEvidence, lens: Option<&Lens>) -> PairEvidence {
+fn reversed_evidence(e: PairEvidence, lens: Option<&PlacedLens>) -> PairEvidence {
     let forward = e.h_b_from_a.and_then(|h| Homography::new(Matrix3::from_fn(|r, c| h[r][c])).ok());
     let back = forward.map(|h| h.inverse());
     let point = |p: [f64; 2]| Vector2::new(p[0], p[1]);

@@ -16,7 +16,7 @@ use crate::{
     geometry::plane_view::View,
     ids::{GroupId, ViewId},
     pairs::{known_lens::KnownLens, observation::PairObservation},
-    refine::{CAMERA, SceneModel, VIEW_NUMBERS, ViewEstimate},
+    refine::{SceneModel, ViewEstimate},
     result::{
         AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Prior, Scene,
         StandardDeviation, ViewParameter, ViewReport, Warning,
@@ -70,7 +70,7 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
     let (s, joint) = (&solved.solution, solved.joint.as_ref());
     let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
     let covariance = |r: usize, c: usize| match joint {
-        Some(joint) => joint.covariance_px[(r, c)],
+        Some(joint) => joint.covariance_of(Parameter::ALL[r], Parameter::ALL[c]),
         None if r < 5 && c < 5 => s.covariance_px[(r, c)],
         None if r == c => [lens.k1_sigma, lens.k2_sigma][r - 5].map_or(0.0, |v| v * v),
         None => 0.0,
@@ -80,7 +80,7 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
         schema_version: SCHEMA_VERSION,
         format_version: FORMAT_VERSION,
         pixel_centre: PixelCentre::TopLeftPixel,
-        camera: Camera::new(stages.size, &s.intrinsics, lens.distortion, lens.source),
+        camera: Camera::new(stages.size, &s.intrinsics, lens.lens, lens.source),
         standard_deviation: StandardDeviation {
             fx: sd(0),
             fy: sd(1),
@@ -157,7 +157,7 @@ fn attitude_reports(
         let sigma = |i: usize| refined.map(|(_, g)| g.covariance.rest()[(i, i)].max(0.0).sqrt());
         let over_floor = refined.filter(|(j, _)| j.bundle.scene == SceneModel::Floor);
         let horizon_sigma =
-            refined.and_then(|(j, g)| attitude.horizon_sigma(k, stages.size, &j.in_pixels(&g.covariance.fixed())));
+            refined.and_then(|(j, g)| attitude.horizon_sigma(k, stages.size, &j.in_pixels(&g.covariance)));
         AttitudeReport {
             pitch_down_deg: attitude.pitch_down_rad.to_degrees(),
             pitch_down_sigma_deg: sigma(0).map(f64::to_degrees),
@@ -181,11 +181,11 @@ fn view_reports(joint: &Joint, names: Names<'_>) -> Vec<ViewReport> {
     let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
         let e = estimate.as_ref()?;
         let floor = b.scene == SceneModel::Floor;
-        let covariance = joint.in_pixels::<VIEW_NUMBERS>(&e.covariance.fixed());
-        let sigma_deg = |i: usize| covariance[(CAMERA + i, CAMERA + i)].max(0.0).sqrt().to_degrees();
+        let covariance = joint.view_covariance(e);
+        let sigma_deg = |p: ViewParameter| covariance.variance(p).max(0.0).sqrt().to_degrees();
         let [pitch_down_rad, roll_rad] = e.pitch_roll_rad;
         let view = View { pitch_down_rad, roll_rad, yaw_rad: e.yaw_rad, centre: e.centre };
-        let over_floor = FloorView::new(&joint.intrinsics, joint.distortion, &view).ok().filter(|_| floor);
+        let over_floor = FloorView::new(&joint.intrinsics, joint.lens, &view).ok().filter(|_| floor);
         Some(ViewReport {
             image: name(v),
             attitude: joint.attitude_of(GroupId::new(b.state.frames[v].group)),
@@ -193,15 +193,15 @@ fn view_reports(joint: &Joint, names: Names<'_>) -> Vec<ViewReport> {
             yaw_deg: e.yaw_rad.to_degrees(),
             yaw_sigma_deg: e.yaw_sigma_rad.to_degrees(),
             pitch_down_deg: pitch_down_rad.to_degrees(),
-            pitch_down_sigma_deg: sigma_deg(0),
+            pitch_down_sigma_deg: sigma_deg(ViewParameter::PitchDownRad),
             roll_deg: roll_rad.to_degrees(),
-            roll_sigma_deg: sigma_deg(1),
+            roll_sigma_deg: sigma_deg(ViewParameter::RollRad),
             position: floor.then(|| e.centre.into()),
             position_sigma: floor.then(|| e.centre_sigma.into()),
             floor_from_image: over_floor.map(|o| o.homography_with_covariance(&covariance)),
             observations: e.observations,
             weighted_rms: e.weighted_rms,
-            covariance: Covariance::from_fn(&ViewParameter::ALL, |r, c| covariance[(r, c)]),
+            covariance,
         })
     };
     b.views.iter().enumerate().filter_map(report).collect()

@@ -12,7 +12,7 @@ use crate::{
     },
     error::Error,
     observer::Observer,
-    pairs::{known_lens::KnownLens, observation::PairObservation, plane_lens::Lens},
+    pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::Warning,
     select::selection::Selection,
     start::{
@@ -59,14 +59,14 @@ pub(super) fn solve_plane_normal(
     // The same weights for every question asked of this solution.
     let mut camera = refinement.camera.clone();
     (camera.attitude_sigma_rad, camera.estimate_attitude_sigma) = (solution.attitude_sigma_rad, false);
-    let through = |lens: &Lens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
+    let through =
+        |lens: &PlacedLens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
     let mut lens_share = 0.0;
     if let Some(joint) = &joint {
         check_certainty(&joint.camera_covariance(), options.constraint, solution.groups.len(), frame)?;
         solution = joint.solution(solution, &refinement.bundle);
         lens_share = joint.share_of_lens().sqrt();
-    } else if let KnownLens::Estimated(finding) = lens {
-        let added = covariance_of_lens(finding, through)?;
+    } else if let Some(added) = covariance_of_lens(lens, through)? {
         solution.covariance_px += added;
         lens_share = share_of(&added, &solution.covariance_px);
     }

@@ -55,6 +55,8 @@ const SKEW: usize = 4;
 /// # Errors
 /// [`Error::Stopped`] and no other: where nothing better is found the refinement stands.
 pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined, Error> {
+    let asked = refined.options.bundle.clone();
+    let mut changed = false;
     for _ in 0..MOST_RELEASED {
         let mut best: Option<(f64, Refined)> = None;
         let mut offer = |found: Option<(f64, Refined)>| {
@@ -71,11 +73,18 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
             offer(with_departure(matter, &refined, kind, 2.0 * RELEASE_ODDS.ln())?);
         }
         match best {
-            Some((_, without)) => refined = without,
+            Some((_, without)) => (refined, changed) = (without, true),
             None => break,
         }
     }
-    Ok(refined)
+    if !changed {
+        return Ok(refined);
+    }
+    // What was tried roughly and found better is now done with all care.
+    let mut options = refined.options.clone();
+    options.bundle = options.bundle.as_thorough_as(&asked);
+    let starts = vec![refined.joint.bundle.state.clone()];
+    matter.refined_again(&refined, refined.solution.clone(), options, starts)
 }
 
 /// The refinement without the priors of some numbers, where the tracks contradict them; with it twice the logarithm of the odds.
@@ -171,6 +180,7 @@ fn released(before: &RefinementOptions, refined: &Refined, numbers: &[usize]) ->
         options.camera.given.retain(|p| p.parameter != given.parameter);
         options.camera.given.push(given);
     }
+    options.bundle = options.bundle.for_trial();
     any.then_some(options)
 }
 

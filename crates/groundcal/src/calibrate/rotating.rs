@@ -9,8 +9,6 @@
 
 use std::collections::HashMap;
 
-use nalgebra::SMatrix;
-
 use crate::{
     calibrate::{
         checks::unmodelled_distortion,
@@ -21,7 +19,7 @@ use crate::{
     error::Error,
     ids::{ImageId, PairId},
     observer::Observer,
-    pairs::{known_lens::KnownLens, observation::PairObservation, plane_lens::Lens},
+    pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::Warning,
     select::selection::Selection,
     start::{
@@ -44,13 +42,10 @@ pub(super) fn solve_rotating(
 ) -> Result<Solved, Error> {
     let used = selection.used();
     let found = camera_of_rotations(pairs, &used, &stages.rotating)?;
-    let through = |lens: &Lens| {
+    let through = |lens: &PlacedLens| {
         Ok(camera_of_rotations_through(lens, pairs, &used, &stages.frame, &stages.rotating, observer)?.intrinsics)
     };
-    let mut added = SMatrix::<f64, 5, 5>::zeros();
-    if let KnownLens::Estimated(finding) = lens {
-        added = covariance_of_lens(finding, through)?;
-    }
+    let added = covariance_of_lens(lens, through)?.unwrap_or_default();
     let mut warnings: Vec<Warning> =
         unmodelled_distortion(pairs, lens, &found.intrinsics, through)?.into_iter().collect();
     if found.variance_inflation > 1.0 {

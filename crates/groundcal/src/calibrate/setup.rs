@@ -7,12 +7,21 @@ use nalgebra::Vector2;
 
 use crate::{
     calibrate::views::Views,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    geometry::{
+        frame::Frame,
+        intrinsics::Intrinsics,
+        lens::{Lens, Radtan},
+    },
     ids::{GroupId, PairId, ViewId},
     numerics::graph::components,
     pairs::{
-        correspondence::PointMatch, known_lens::KnownLens, observation::PairObservation, plane_lens::Lens,
-        refine::sampson_squared, robust::RobustHomography,
+        correspondence::PointMatch,
+        known_lens::KnownLens,
+        observation::PairObservation,
+        placed_lens::PlacedLens,
+        ray_match::RayMatch,
+        residual::{PlaneMatch, sampson_squared},
+        robust::RobustHomography,
     },
     refine::{CameraState, Kind, Observation, Track, start::Link, tracks::join_matches},
     start::linear_camera::CameraSolution,
@@ -38,7 +47,7 @@ impl Setup {
         some: &[PairId],
         pairs: &[PairObservation],
         views: &Views,
-        lens: Option<&Lens>,
+        lens: Option<&PlacedLens>,
         frame: &Frame,
     ) -> Option<Self> {
         let joined = |&id: &PairId| {
@@ -71,7 +80,7 @@ impl JoinedPair<'_> {
 }
 
 /// The matches of pairs of one kind, weighted by their noise.
-fn matches_of(all: &[&JoinedPair], lens: Option<&Lens>, frame: &Frame) -> Vec<[Observation; 2]> {
+fn matches_of(all: &[&JoinedPair], lens: Option<&PlacedLens>, frame: &Frame) -> Vec<[Observation; 2]> {
     let count: usize = all.iter().map(|joined| joined.plane.inliers.len()).sum();
     let squared = |plane: &RobustHomography| plane.inliers.len() as f64 * plane.estimate.sigma_px.powi(2);
     let common = all.iter().map(|joined| squared(joined.plane)).sum::<f64>() / count as f64;
@@ -95,17 +104,26 @@ fn matches_of(all: &[&JoinedPair], lens: Option<&Lens>, frame: &Frame) -> Vec<[O
 
 /// Indices of the matches within reach of a pair's homography: its inliers and what lies a little further off, so that the
 /// refinement's own weights decide and not a cut, which costs good matches where they are few.
-fn near_plane(pair: &PairObservation, plane: &RobustHomography, lens: Option<&Lens>, frame: &Frame) -> Vec<usize> {
+fn near_plane(
+    pair: &PairObservation,
+    plane: &RobustHomography,
+    lens: Option<&PlacedLens>,
+    frame: &Frame,
+) -> Vec<usize> {
     let noise = (plane.estimate.sigma_px.max(LEAST_NOISE_PX) / frame.scale_px).powi(2);
+    let h = &plane.estimate.in_frame;
+    let near = |squared: f64, sigma_px: f64| squared / (noise * sigma_px * sigma_px) < REACH * REACH;
     let within = |m: &PointMatch| {
         let ideal = match lens {
+            Some(lens) if lens.lens.sees_behind() => {
+                return near(RayMatch::new(m, lens, frame).sampson_squared(h), m.sigma_px);
+            }
             Some(lens) => lens.ideal_match(m),
             None => Some(*m),
         };
         ideal.is_some_and(|m| {
             let local = PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..m };
-            let squared = sampson_squared(&plane.estimate.in_frame, &local) / (noise * m.sigma_px * m.sigma_px);
-            squared < REACH * REACH
+            near(sampson_squared(h, &local), m.sigma_px)
         })
     };
     let mut near: Vec<usize> = (0..pair.matches.len()).filter(|&k| within(&pair.matches[k])).collect();
@@ -155,14 +173,22 @@ impl ViewGroups {
 
 /// Camera matrix and lens as the refinement starts from them; `k2_is_held`: an estimated lens has none.
 pub(super) fn starting_camera(k: &Intrinsics, lens: &KnownLens, k2_is_held: bool, frame: &Frame) -> CameraState {
-    let distortion = match lens {
-        KnownLens::NotModelled => Distortion::default(),
-        KnownLens::Given(lens) => lens.distortion,
+    let start = match lens {
+        KnownLens::NotModelled => Lens::None,
+        KnownLens::Given(lens) => lens.lens,
+        KnownLens::Placed(placement) => placement.lens.lens,
         KnownLens::Estimated(finding) => {
-            finding.lens().map_or(Distortion::default(), |l| l.with_focal_length(k.fx).distortion)
+            finding.lens().and_then(|l| l.with_focal_length(k.fx)).map_or(Lens::None, |l| l.lens)
         }
     };
-    let without_k2 = k2_is_held && lens.is_estimated();
-    let distortion = Distortion { k2: if without_k2 { 0.0 } else { distortion.k2 }, ..distortion };
-    CameraState::new(k, &distortion.into(), frame)
+    // A pinhole has the numbers of Brown-Conrady, all zero.
+    let lens = match start {
+        Lens::None => Lens::radial(0.0, 0.0),
+        Lens::Radtan(radtan) if k2_is_held && lens.is_estimated() => {
+            let [k1, _, p1, p2, k3] = radtan.parameters();
+            Lens::Radtan(Radtan::new([k1, 0.0, p1, p2, k3]))
+        }
+        other => other,
+    };
+    CameraState::new(k, &lens, frame)
 }

@@ -12,7 +12,7 @@ use crate::{
         stage_options::SourceTraits,
     },
     error::Error,
-    geometry::{frame::Frame, size::ImageSize},
+    geometry::size::ImageSize,
     ids::PairId,
     observer::{Observer, Stage},
     pairs::{
@@ -162,7 +162,7 @@ pub(super) fn from_homographies<'a>(
     if homographies.is_empty() {
         return Err(Error::InvalidInput("no homographies at all".into()));
     }
-    let frame = Frame::new(size, options.principal_point_px);
+    let frame = options.frame(size);
     let observation = |(i, (from, to, estimate)): (usize, &GivenHomography)| {
         if *from >= names.len() || *to >= names.len() || from == to {
             return Err(Error::InvalidInput(format!("homography {i} from {from} to {to} of {} images", names.len())));

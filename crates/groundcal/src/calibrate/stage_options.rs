@@ -54,7 +54,7 @@ pub(super) struct SourceTraits {
 impl<'a> StageOptions<'a> {
     pub(super) fn new(options: &'a Options, source: &SourceTraits) -> Self {
         let size = source.size;
-        let frame = Frame::new(size, options.principal_point_px);
+        let frame = options.frame(size);
         let min_matches =
             if source.has_matches { options.min_plane_matches.unwrap_or(source.min_plane_matches) } else { 0 };
         let aspect = options.aspect.unwrap_or(1.0);

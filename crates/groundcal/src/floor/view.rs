@@ -18,14 +18,12 @@ use crate::{
     floor::outline::{border, clipped, convex_hull},
     geometry::{
         attitude::{angles_from_rotation, rotation_cam_from_world},
-        camera::INTRINSIC_NAMES,
         intrinsics::Intrinsics,
         lens::Lens,
         plane_view::View,
         size::ImageSize,
     },
-    refine::VIEW_NUMBERS,
-    result::{Camera, FloorHomography, ViewReport},
+    result::{Camera, Covariance, FloorHomography, Parameter, ViewParameter, ViewReport},
 };
 
 /// Sides of the polygon that stands for the circle of the largest distance.
@@ -73,13 +71,12 @@ impl FloorView {
         })
     }
 
-    /// Points of the floor from ideal pixels, with the covariance that follows from that of the camera and the view: of fx, fy, cx, cy,
-    /// skew (pixels), k1, k2, pitch, roll, yaw (radians), x, y and height.
-    pub fn homography_with_covariance(&self, covariance: &SMatrix<f64, VIEW_NUMBERS, VIEW_NUMBERS>) -> FloorHomography {
+    /// Points of the floor from ideal pixels, with the covariance that follows from that of the camera and the view.
+    pub fn homography_with_covariance(&self, covariance: &Covariance<ViewParameter>) -> FloorHomography {
         let by = self
             .derivative_by_numbers(|v| SVector::<f64, 9>::from_row_slice(v.floor_from_image().transpose().as_slice()));
         let h = self.floor_from_image();
-        let c = by * covariance * by.transpose();
+        let c = by * covariance.of(&ViewParameter::ALL) * by.transpose();
         FloorHomography {
             matrix: std::array::from_fn(|r| std::array::from_fn(|c| h[(r, c)])),
             covariance: std::array::from_fn(|r| std::array::from_fn(|s| 0.5 * (c[(r, s)] + c[(s, r)]))),
@@ -233,14 +230,14 @@ impl FloorView {
 const STEP: f64 = 1e-6;
 
 impl FloorView {
-    /// Derivative of something made of a view by the numbers of [`ViewReport::covariance`]: fx, fy, cx, cy, skew (pixels), k1, k2,
-    /// pitch, roll, yaw (radians), x, y, height. Central differences.
+    /// Derivative of something made of a view by the numbers of [`ViewReport::covariance`], in the order of [`ViewParameter::ALL`].
+    /// Central differences.
     pub fn derivative_by_numbers<const N: usize>(
         &self,
         value: impl Fn(&Self) -> SVector<f64, N>,
-    ) -> SMatrix<f64, N, VIEW_NUMBERS> {
+    ) -> SMatrix<f64, N, { ViewParameter::COUNT }> {
         let (pitch, roll, yaw) = angles_from_rotation(&self.rotation);
-        // A lens without distortion bends with k1 and k2 all the same.
+        // A lens without distortion bends with coefficients all the same.
         let lens = if self.lens == Lens::None { Lens::radial(0.0, 0.0) } else { self.lens };
         let bent = |name: &str, step: f64| {
             let mut parameters = lens.parameters();
@@ -250,37 +247,38 @@ impl FloorView {
             }
             lens.with_parameters(&parameters).unwrap_or(lens)
         };
-        let moved = |i: usize, step: f64| {
+        let moved = |p: ViewParameter, step: f64| {
             let mut m = self.clone();
             let k = &mut m.intrinsics;
-            let mut angles = [pitch, roll, yaw];
-            match i {
-                0 => k.fx += step,
-                1 => k.fy += step,
-                2 => k.cx += step,
-                3 => k.cy += step,
-                4 => k.skew += step,
-                5 => m.lens = bent("k1", step),
-                6 => m.lens = bent("k2", step),
-                7..=9 => angles[i - 7] += step,
-                _ => m.centre[i - 10] += step,
-            }
-            if (7..=9).contains(&i) {
-                m.rotation = rotation_cam_from_world(angles[0], angles[1], angles[2]);
+            let turned = |pitch, roll, yaw| rotation_cam_from_world(pitch, roll, yaw);
+            match p {
+                ViewParameter::Camera(Parameter::Fx) => k.fx += step,
+                ViewParameter::Camera(Parameter::Fy) => k.fy += step,
+                ViewParameter::Camera(Parameter::Cx) => k.cx += step,
+                ViewParameter::Camera(Parameter::Cy) => k.cy += step,
+                ViewParameter::Camera(Parameter::Skew) => k.skew += step,
+                ViewParameter::Camera(of_lens) => m.lens = bent(of_lens.name(), step),
+                ViewParameter::PitchDownRad => m.rotation = turned(pitch + step, roll, yaw),
+                ViewParameter::RollRad => m.rotation = turned(pitch, roll + step, yaw),
+                ViewParameter::YawRad => m.rotation = turned(pitch, roll, yaw + step),
+                ViewParameter::X => m.centre.x += step,
+                ViewParameter::Y => m.centre.y += step,
+                ViewParameter::Height => m.centre.z += step,
             }
             value(&m)
         };
-        let mut by = SMatrix::<f64, N, VIEW_NUMBERS>::zeros();
-        for i in 0..VIEW_NUMBERS {
-            let h = if i < INTRINSIC_NAMES.len() { STEP * self.intrinsics.fx } else { STEP };
-            by.set_column(i, &((moved(i, h) - moved(i, -h)) / (2.0 * h)));
+        let mut by = SMatrix::<f64, N, { ViewParameter::COUNT }>::zeros();
+        for (i, p) in ViewParameter::ALL.into_iter().enumerate() {
+            let in_pixels = matches!(p, ViewParameter::Camera(p) if !p.is_of_lens());
+            let h = if in_pixels { STEP * self.intrinsics.fx } else { STEP };
+            by.set_column(i, &((moved(p, h) - moved(p, -h)) / (2.0 * h)));
         }
         by
     }
 
     /// Derivative of [`Self::floor_from_pixel`] by the same numbers; with their covariance it gives the error bars of points and
     /// distances on the floor. `None` where no floor is seen.
-    pub fn floor_point_jacobian(&self, pixel: &Vector2<f64>) -> Option<SMatrix<f64, 2, VIEW_NUMBERS>> {
+    pub fn floor_point_jacobian(&self, pixel: &Vector2<f64>) -> Option<SMatrix<f64, 2, { ViewParameter::COUNT }>> {
         self.floor_from_pixel(pixel)?;
         // What falls off the lens's edge within the step has no derivative.
         let nowhere = Vector2::repeat(f64::NAN);

@@ -4,7 +4,6 @@ pub mod attitude;
 pub mod camera;
 pub mod camera_difference;
 pub mod constraint;
-pub mod distortion;
 pub mod frame;
 pub mod homography;
 pub mod intrinsics;

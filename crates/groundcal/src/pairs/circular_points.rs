@@ -10,7 +10,7 @@
 //! the horizon. Everything is in frame coordinates (see [`crate::geometry::frame`]), the same for both images. First-order
 //! propagation: δe = Σ_k l_kᵀ δH e / ((λ - λ_k) l_kᵀ r_k) r_k over the other two eigenpairs.
 
-use nalgebra::{Complex, Matrix3, Matrix4, SMatrix, SVector, Vector2, Vector3, Vector4};
+use nalgebra::{Complex, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use crate::{
     geometry::{
@@ -163,13 +163,13 @@ pub struct MotionGeometry {
 }
 
 impl MotionGeometry {
-    /// The smaller of the fractions of points (frame coordinates) on either side of the horizon: 0 to 0.5.
-    pub fn minor_side(&self, points: impl Iterator<Item = Vector2<f64>>) -> f64 {
+    /// The smaller of the fractions of points (homogeneous frame coordinates, third coordinate as that of their rays) on either side of the horizon: 0 to 0.5.
+    pub fn minor_side(&self, points: impl Iterator<Item = Vector3<f64>>) -> f64 {
         let Some(l) = self.circular_point.horizon() else { return 0.0 };
         let (mut all, mut positive) = (0usize, 0usize);
         for p in points {
             all += 1;
-            positive += usize::from(l.x * p.x + l.y * p.y + l.z > 0.0);
+            positive += usize::from(l.dot(&p) > 0.0);
         }
         positive.min(all - positive) as f64 / all.max(1) as f64
     }

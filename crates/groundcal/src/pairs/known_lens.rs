@@ -5,14 +5,16 @@ use nalgebra::Vector2;
 
 use crate::{
     error::Error,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     ids::PairId,
     observer::Observer,
     pairs::{
         correspondence::{ImagePair, PointMatch},
+        lens_placement::{LensPlacement, place_lens},
         observation::PairObservation,
         observe::{ObserveOptions, observe, observe_anew},
-        plane_lens::{Lens, LensEstimate, LensPrior, estimate_lens_until},
+        placed_lens::PlacedLens,
+        plane_lens::{LensEstimate, LensPrior, coefficients, estimate_lens_until},
     },
 };
 
@@ -50,17 +52,20 @@ pub(crate) enum KnownLens {
     /// Taken to have no distortion.
     NotModelled,
     /// Coefficients given, and the camera they act through.
-    Given(Lens),
+    Given(PlacedLens),
+    /// Coefficients given of a lens that sees behind the camera, and the camera matrix that the planes tell.
+    Placed(LensPlacement),
     /// Estimated, or found to be none.
     Estimated(LensFinding),
 }
 
 impl KnownLens {
     /// The lens that was undone in the homographies.
-    pub(crate) fn lens(&self) -> Option<&Lens> {
+    pub(crate) fn lens(&self) -> Option<&PlacedLens> {
         match self {
             KnownLens::NotModelled => None,
             KnownLens::Given(lens) => Some(lens),
+            KnownLens::Placed(placement) => Some(&placement.lens),
             KnownLens::Estimated(finding) => finding.lens(),
         }
     }
@@ -87,23 +92,23 @@ pub(crate) struct LensFinding {
 
 impl LensFinding {
     fn new(estimate: LensEstimate) -> Self {
-        let d = &estimate.lens.distortion;
-        let k = Vector2::new(d.k1, d.k2);
+        let [k1, k2, ..] = coefficients(&estimate.lens);
+        let k = Vector2::new(k1, k2);
         let block = estimate.covariance.fixed_view::<2, 2>(0, 0).into_owned();
         let distance = block.try_inverse().map_or(0.0, |i| (k.transpose() * i * k)[(0, 0)]);
         Self { estimate, significant: distance > SIGNIFICANT }
     }
 
     /// The lens to be undone: none where its coefficients are not told from zero.
-    pub(crate) fn lens(&self) -> Option<&Lens> {
+    pub(crate) fn lens(&self) -> Option<&PlacedLens> {
         self.significant.then_some(&self.estimate.lens)
     }
 
     /// The lens about which the covariance holds.
-    pub(crate) fn reference(&self) -> Lens {
+    pub(crate) fn reference(&self) -> PlacedLens {
         let mut lens = self.estimate.lens;
         if !self.significant {
-            lens.distortion = Distortion::default();
+            lens.lens = Lens::None;
         }
         lens
     }
@@ -158,6 +163,49 @@ pub(crate) fn find_lens(
     Ok((pairs, finding))
 }
 
+/// What every pair shows through a known lens that sees behind the camera, and through which camera matrix, from the planes' own
+/// residuals. `measured`: the lens as it was measured, where it stays if no plane tells of it.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn find_placement(
+    pairs: Vec<ImagePair>,
+    measured: PlacedLens,
+    observe_options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<(Vec<PairObservation>, LensPlacement), Error> {
+    let mut pairs = observe(pairs, Some(&measured), observe_options, observer)?;
+    let mut placement = LensPlacement { lens: measured, covariance: None };
+    for _ in 0..ROUNDS {
+        let best = best_supported(&pairs);
+        let Some(next) = placement_of(&pairs, &best, &placement, &measured, &observe_options.frame, observer)? else {
+            break;
+        };
+        pairs = observe_anew(pairs, Some(&next.lens), observe_options, observer)?;
+        placement = next;
+    }
+    Ok((pairs, placement))
+}
+
+/// The camera matrix of a known lens from the pairs `used`, if they tell it.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn placement_of(
+    pairs: &[PairObservation],
+    used: &[PairId],
+    before: &LensPlacement,
+    measured: &PlacedLens,
+    frame: &Frame,
+    observer: &dyn Observer,
+) -> Result<Option<LensPlacement>, Error> {
+    let planes = matches_on_planes(pairs, &some_of(used, pairs));
+    let slices: Vec<&[PointMatch]> = planes.iter().map(Vec::as_slice).collect();
+    let found = (!slices.is_empty()).then(|| place_lens(&slices, frame, &before.lens, measured, observer)).flatten();
+    observer.go_on()?;
+    Ok(found)
+}
+
 /// From the best supported planes of any pairs.
 fn lens_of_planes(
     pairs: &[PairObservation],
@@ -165,6 +213,11 @@ fn lens_of_planes(
     options: &LensOptions,
     observer: &dyn Observer,
 ) -> Result<Option<LensFinding>, Error> {
+    lens_of(pairs, &best_supported(pairs), options.assumed_centre(), before, options, observer)
+}
+
+/// The pairs with the best supported planes.
+fn best_supported(pairs: &[PairObservation]) -> Vec<PairId> {
     let supported = |pair: &'_ PairObservation| {
         let inliers = pair.moving_plane().map_or(0, |plane| plane.inliers.len());
         (inliers >= MIN_INLIERS).then_some((pair.id, inliers))
@@ -172,8 +225,7 @@ fn lens_of_planes(
     let mut best: Vec<(PairId, usize)> = pairs.iter().filter_map(supported).collect();
     best.sort_by_key(|(id, inliers)| (std::cmp::Reverse(*inliers), *id));
     best.truncate(MAX_PAIRS);
-    let best: Vec<PairId> = best.into_iter().map(|(id, _)| id).collect();
-    lens_of(pairs, &best, options.assumed_centre(), before, options, observer)
+    best.into_iter().map(|(id, _)| id).collect()
 }
 
 /// From the pairs `used`, about a centre of distortion.
@@ -188,10 +240,22 @@ pub(crate) fn lens_of_motions(
     options: &LensOptions,
     observer: &dyn Observer,
 ) -> Result<Option<LensFinding>, Error> {
-    // All pairs of many views repeat each other.
+    lens_of(pairs, &some_of(used, pairs), centre, before, options, observer)
+}
+
+/// Some of many pairs that show a turn: all pairs of many views repeat each other.
+fn some_of(used: &[PairId], pairs: &[PairObservation]) -> Vec<PairId> {
     let stride = used.len().div_ceil(MAX_PAIRS);
-    let some = used.iter().step_by(stride.max(1)).filter(|&&id| pairs[id].outcome.is_ok());
-    lens_of(pairs, &some.copied().collect::<Vec<_>>(), centre, before, options, observer)
+    used.iter().step_by(stride.max(1)).filter(|&&id| pairs[id].outcome.is_ok()).copied().collect()
+}
+
+/// The matches on the planes of some pairs.
+fn matches_on_planes(pairs: &[PairObservation], some: &[PairId]) -> Vec<Vec<PointMatch>> {
+    let on_plane = |id: &PairId| -> Option<Vec<PointMatch>> {
+        let pair = &pairs[*id];
+        Some(pair.plane()?.inliers.iter().map(|&k| pair.matches[k]).collect())
+    };
+    some.iter().filter_map(on_plane).collect()
 }
 
 fn lens_of(
@@ -202,18 +266,14 @@ fn lens_of(
     options: &LensOptions,
     observer: &dyn Observer,
 ) -> Result<Option<LensFinding>, Error> {
-    let on_plane = |id: &PairId| -> Option<Vec<PointMatch>> {
-        let pair = &pairs[*id];
-        Some(pair.plane()?.inliers.iter().map(|&k| pair.matches[k]).collect())
-    };
-    let matches: Vec<Vec<PointMatch>> = some.iter().filter_map(on_plane).collect();
+    let matches = matches_on_planes(pairs, some);
     let slices: Vec<&[PointMatch]> = matches.iter().map(Vec::as_slice).collect();
     if slices.is_empty() {
         return Ok(None);
     }
     let [cx, cy] = centre.px;
-    let start = Lens {
-        distortion: before.map_or(Distortion::default(), |b| b.estimate.lens.distortion),
+    let start = PlacedLens {
+        lens: before.map_or(Lens::None, |b| b.estimate.lens.lens),
         intrinsics: Intrinsics { cx, cy, ..options.middling_camera },
     };
     let prior = LensPrior {

@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeSet, ops::Index};
 
-use nalgebra::Vector2;
+use nalgebra::{Vector2, Vector3};
 
 use crate::{
     error::Error,
@@ -12,7 +12,7 @@ use crate::{
     pairs::{
         circular_points::{MotionGeometry, NoCircularPoint, from_homography},
         correspondence::{ImagePair, PointMatch},
-        plane_lens::Lens,
+        placed_lens::PlacedLens,
         refine::HomographyEstimate,
         robust::RobustHomography,
     },
@@ -33,6 +33,9 @@ pub(crate) struct PairObservation {
     pub(crate) outcome: Result<TurningPlane, Refusal>,
     /// What patches took the place of, if they did.
     pub(crate) superseded: Option<Box<Superseded>>,
+    /// The lens that was undone, where its rays may lie square to the axis or behind: then pixels are no place in the plane of an
+    /// ideal image, however roughly.
+    pub(crate) wide_lens: Option<PlacedLens>,
 }
 
 /// The plane of a pair, and the motion that its homography shows.
@@ -100,7 +103,12 @@ impl PairObservation {
     pub(crate) fn new(id: PairId, pair: ImagePair, outcome: Result<TurningPlane, Refusal>) -> Self {
         let ImagePair { from, to, matches } = pair;
         let candidates = matches.len();
-        Self { id, from: from.into(), to: to.into(), matches, candidates, outcome, superseded: None }
+        Self { id, from: from.into(), to: to.into(), matches, candidates, outcome, superseded: None, wide_lens: None }
+    }
+
+    /// The same with its pixels seen through a lens.
+    pub(crate) fn through(self, lens: Option<&PlacedLens>) -> Self {
+        Self { wide_lens: lens.filter(|lens| lens.lens.sees_behind()).copied(), ..self }
     }
 
     /// A homography from elsewhere.
@@ -114,7 +122,8 @@ impl PairObservation {
             patches: false,
             is_static: false,
         };
-        Self { id, from, to, matches: Vec::new(), candidates, outcome: turning_plane(plane), superseded: None }
+        let outcome = turning_plane(plane);
+        Self { id, from, to, matches: Vec::new(), candidates, outcome, superseded: None, wide_lens: None }
     }
 
     /// The matches alone, to be looked at afresh.
@@ -151,6 +160,15 @@ impl PairObservation {
         indices.iter().map(|&k| &self.matches[k])
     }
 
+    /// Where the matches on a plane that turns lie in the first image, homogeneous pixels: as they are, or their rays through a wide
+    /// lens.
+    pub(crate) fn seen_in_first(&self) -> impl Iterator<Item = Vector3<f64>> {
+        self.inliers().filter_map(|m| match &self.wide_lens {
+            Some(lens) => lens.ray_px(&m.a),
+            None => Some(m.a.push(1.0)),
+        })
+    }
+
     /// Matches of a background that does not move, set aside.
     pub(crate) fn background(&self) -> usize {
         self.outcome.as_ref().map_or(0, |turning| turning.plane.static_background)
@@ -180,10 +198,10 @@ pub(crate) fn images_of(some: &[PairId], pairs: &[PairObservation]) -> BTreeSet<
 }
 
 /// Where a homography between ideal pixels takes a pixel of the first image in the second, lens and all.
-pub(crate) fn carried(h_b_from_a: &Homography, a: &Vector2<f64>, lens: Option<&Lens>) -> Option<Vector2<f64>> {
+pub(crate) fn carried(h_b_from_a: &Homography, a: &Vector2<f64>, lens: Option<&PlacedLens>) -> Option<Vector2<f64>> {
     match lens {
         None => h_b_from_a.apply(a),
-        Some(lens) => lens.real_point(&h_b_from_a.apply(&lens.ideal_point(a)?)?),
+        Some(lens) => lens.carried(h_b_from_a, a),
     }
 }
 

@@ -5,17 +5,19 @@ use rayon::prelude::*;
 
 use crate::{
     error::Error,
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
     ids::PairId,
     numerics::linalg::complex_pair_eigen,
-    observer::{Observer, Stage},
+    observer::{Observer, Silent, Stage},
     pairs::{
         circular_points::CircularPoint,
         correspondence::{ImagePair, PointMatch},
         observation::{PairObservation, Refusal, RefusalKind, TurningPlane, turning_plane},
-        plane_lens::Lens,
-        refine::{HomographyEstimate, RefineOptions, refine, refine_until, spread_ratio},
-        robust::{RobustHomography, RobustOptions, estimate_robust_until},
+        placed_lens::PlacedLens,
+        ray_match::RayMatch,
+        refine::{HomographyEstimate, RefineOptions, refine, refine_in_frame, refine_until, to_frame},
+        residual::PlaneMatch,
+        robust::{RobustHomography, RobustOptions, estimate_in_frame},
     },
 };
 
@@ -54,14 +56,14 @@ type Outcome = Result<TurningPlane, Refusal>;
 /// [`Error::Stopped`] and no other: a pair that shows nothing says why.
 pub(crate) fn observe(
     pairs: Vec<ImagePair>,
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     options: &ObserveOptions,
     observer: &dyn Observer,
 ) -> Result<Vec<PairObservation>, Error> {
     let outcomes =
         observer.map(Stage::Homographies, &pairs, |pair| outcome_of_matches(pair, lens, options, observer))?;
     let observed = pairs.into_iter().zip(outcomes).enumerate();
-    Ok(observed.map(|(i, (pair, outcome))| PairObservation::new(PairId::new(i), pair, outcome)).collect())
+    Ok(observed.map(|(i, (pair, outcome))| PairObservation::new(PairId::new(i), pair, outcome).through(lens)).collect())
 }
 
 /// The same pairs looked at afresh under another lens.
@@ -70,7 +72,7 @@ pub(crate) fn observe(
 /// [`Error::Stopped`] and no other.
 pub(crate) fn observe_anew(
     pairs: Vec<PairObservation>,
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     options: &ObserveOptions,
     observer: &dyn Observer,
 ) -> Result<Vec<PairObservation>, Error> {
@@ -83,7 +85,7 @@ pub(crate) fn observe_anew(
 /// [`Error::Stopped`] and no other.
 pub(crate) fn observe_again(
     before: &PairObservation,
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     options: &ObserveOptions,
     observer: &dyn Observer,
 ) -> Result<PairObservation, Error> {
@@ -98,24 +100,30 @@ pub(crate) fn observe_again(
         (new.plane.patches, new.plane.static_background) = (old.plane.patches, old.plane.static_background);
     }
     let superseded = before.superseded.clone();
-    Ok(PairObservation { candidates: before.candidates, superseded, ..PairObservation::new(before.id, pair, outcome) })
+    let new = PairObservation::new(before.id, pair, outcome).through(lens);
+    Ok(PairObservation { candidates: before.candidates, superseded, ..new })
 }
 
 /// The homography of matches found to be on a pair's plane, the distortion of a lens undone.
 pub(crate) fn refit(
     pair: &PairObservation,
     plane: &RobustHomography,
-    lens: &Lens,
+    lens: &PlacedLens,
     frame: &Frame,
 ) -> Option<HomographyEstimate> {
-    let ideal: Vec<PointMatch> = plane.inliers.iter().filter_map(|&k| lens.ideal_match(&pair.matches[k])).collect();
+    let inliers = plane.inliers.iter().map(|&k| &pair.matches[k]);
+    if lens.lens.sees_behind() {
+        let rays = inliers.map(|m| RayMatch::new(m, lens, frame)).filter(RayMatch::is_seen).collect::<Vec<_>>();
+        return refine_in_frame(&rays, None, frame, &RefineOptions::default(), &Silent).ok();
+    }
+    let ideal: Vec<PointMatch> = inliers.filter_map(|m| lens.ideal_match(m)).collect();
     refine(&ideal, None, frame, &RefineOptions::default()).ok()
 }
 
 /// The homographies of all pairs from the matches found to be on their planes, the distortion of a lens undone.
 pub(crate) fn refit_all(
     pairs: Vec<PairObservation>,
-    lens: &Lens,
+    lens: &PlacedLens,
     frame: &Frame,
     observer: &dyn Observer,
 ) -> Result<Vec<PairObservation>, Error> {
@@ -132,7 +140,7 @@ pub(crate) fn refit_all(
                 turning
             });
         }
-        Ok(pair)
+        Ok(pair.through(Some(lens)))
     };
     pairs.into_par_iter().map(refitted).collect()
 }
@@ -149,7 +157,7 @@ fn key_of(matches: &[PointMatch]) -> u64 {
 /// From features, or from points given.
 fn outcome_of_matches(
     pair: &ImagePair,
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     options: &ObserveOptions,
     observer: &dyn Observer,
 ) -> Result<Outcome, Error> {
@@ -177,7 +185,7 @@ fn outcome_of_matches(
 /// [`Error::Stopped`] and no other.
 pub(crate) fn outcome_of_patches(
     pair: &ImagePair,
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     options: &ObserveOptions,
     observer: &dyn Observer,
 ) -> Result<Outcome, Error> {
@@ -187,7 +195,7 @@ pub(crate) fn outcome_of_patches(
 
 fn outcome_with(
     pair: &ImagePair,
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     mut robust: RobustOptions,
     options: &ObserveOptions,
     observer: &dyn Observer,
@@ -196,6 +204,12 @@ fn outcome_with(
     if candidates < min_matches.max(4) {
         let reason = format!("{candidates} matches only ({} needed)", min_matches.max(4));
         return Ok(Err(Refusal::new(RefusalKind::NoPlane, reason, None)));
+    }
+    robust.min_inliers = min_matches.max(6);
+    robust.ransac.seed = options.seed ^ key_of(&pair.matches);
+    if let Some(lens) = lens.filter(|lens| lens.lens.sees_behind()) {
+        let rays: Vec<RayMatch> = pair.matches.iter().map(|m| RayMatch::new(m, lens, &options.frame)).collect();
+        return plane_among(&rays, &robust, options, observer);
     }
     // Indices into the pair's matches are kept; a match that has no ideal point is moved out of every model's reach.
     let ideal: Vec<PointMatch> = match lens {
@@ -206,19 +220,9 @@ fn outcome_with(
             .map(|m| lens.ideal_match(m).unwrap_or(PointMatch { b: Vector2::repeat(OUT_OF_REACH_PX), ..*m }))
             .collect(),
     };
-    robust.min_inliers = min_matches.max(6);
-    robust.ransac.seed = options.seed ^ key_of(&pair.matches);
-    let found = match estimate_robust_until(&ideal, &options.frame, &robust, observer) {
-        Ok(found) => found,
-        Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(error) => return Ok(Err(no_plane(&ideal, error))),
-    };
-    let on_plane: Vec<PointMatch> = found.inliers.iter().map(|&k| ideal[k]).collect();
-    if let Some(refusal) = refused(&found, &ideal, spread_ratio(&on_plane), min_matches) {
-        return Ok(Err(Refusal { plane: Some(Box::new(found)), ..refusal }));
-    }
-    let mut outcome = turning_plane(found);
+    let mut outcome = plane_among(&to_frame(&ideal, &options.frame), &robust, options, observer)?;
     if let Ok(TurningPlane { plane, geometry }) = &mut outcome {
+        let on_plane: Vec<PointMatch> = plane.inliers.iter().map(|&k| ideal[k]).collect();
         let point = &geometry.circular_point;
         geometry.circular_point.by_k1 = shift_by_k1(&on_plane, plane, point, options, observer);
     }
@@ -226,10 +230,29 @@ fn outcome_with(
     Ok(outcome)
 }
 
+/// The plane that most of the matches agree on, and the motion in it.
+fn plane_among<M: PlaneMatch>(
+    matches: &[M],
+    robust: &RobustOptions,
+    options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<Outcome, Error> {
+    let found = match estimate_in_frame(matches, &options.frame, robust, observer) {
+        Ok(found) => found,
+        Err(Error::Stopped) => return Err(Error::Stopped),
+        Err(error) => return Ok(Err(no_plane(matches, error))),
+    };
+    let on_plane: Vec<M> = found.inliers.iter().map(|&k| matches[k].clone()).collect();
+    if let Some(refusal) = refused(&found, matches, M::spread(&on_plane), options.min_matches) {
+        return Ok(Err(Refusal { plane: Some(Box::new(found)), ..refusal }));
+    }
+    Ok(turning_plane(found))
+}
+
 /// Matches among which no plane was found.
-fn no_plane(ideal: &[PointMatch], error: Error) -> Refusal {
+fn no_plane<M: PlaneMatch>(ideal: &[M], error: Error) -> Refusal {
     let candidates = ideal.len();
-    if spread_ratio(ideal) < ON_A_LINE {
+    if M::spread(ideal) < ON_A_LINE {
         let reason = format!("the {candidates} matches lie on a line");
         return Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) };
     }
@@ -237,11 +260,11 @@ fn no_plane(ideal: &[PointMatch], error: Error) -> Refusal {
 }
 
 /// What is wrong with a plane found, whose matches spread by this ratio of width to length.
-fn refused(found: &RobustHomography, ideal: &[PointMatch], spread: f64, min_matches: usize) -> Option<Refusal> {
+fn refused<M: PlaneMatch>(found: &RobustHomography, ideal: &[M], spread: f64, min_matches: usize) -> Option<Refusal> {
     let (agreeing, candidates) = (found.inliers.len(), ideal.len());
     if spread < ON_A_LINE {
         let reason = format!("the {agreeing} matches that agree lie on a line");
-        let error = Error::DegeneratePoints { count: agreeing, spread_ratio: spread_ratio(ideal) };
+        let error = Error::DegeneratePoints { count: agreeing, spread_ratio: M::spread(ideal) };
         return Some(Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) });
     }
     if agreeing < min_matches {
@@ -266,7 +289,7 @@ fn shift_by_k1(
 ) -> Option<Vector4<f64>> {
     const STEP: f64 = 0.02;
     const ENOUGH: usize = 300;
-    let lens = Lens { distortion: Distortion::radial(STEP, 0.0), intrinsics: options.middling_camera };
+    let lens = PlacedLens { lens: Lens::radial(STEP, 0.0), intrinsics: options.middling_camera };
     let stride = on_plane.len().div_ceil(ENOUGH);
     let some: Vec<PointMatch> = on_plane.iter().step_by(stride).copied().collect();
     let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal_match(m)).collect();

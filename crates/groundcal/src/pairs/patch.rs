@@ -13,7 +13,7 @@ use crate::{
         correspondence::{ImagePair, PointMatch},
         observation::{PairObservation, Superseded, TurningPlane, carried},
         observe::{ObserveOptions, outcome_of_patches},
-        plane_lens::Lens,
+        placed_lens::PlacedLens,
     },
     vision::{
         image::GrayImage,
@@ -50,7 +50,7 @@ pub(crate) fn match_by_patches(
     mut pairs: Vec<PairObservation>,
     used: &[PairId],
     images: &[GrayImage],
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     options: &PatchStageOptions,
     observer: &dyn Observer,
 ) -> Result<Vec<PairObservation>, Error> {
@@ -75,7 +75,7 @@ fn replaced_by_patches(
     turning: &TurningPlane,
     images: &[GrayImage],
     grids: &Grids,
-    lens: Option<&Lens>,
+    lens: Option<&PlacedLens>,
     options: &PatchStageOptions,
     observer: &dyn Observer,
 ) -> Result<Option<PairObservation>, Error> {
@@ -110,9 +110,6 @@ fn replaced_by_patches(
         .map(Into::into)
         .collect();
     let superseded = Superseded { features: pair.marked_matches(plane), lost };
-    Ok(Some(PairObservation {
-        candidates: pair.candidates,
-        superseded: Some(Box::new(superseded)),
-        ..PairObservation::new(pair.id, again, outcome)
-    }))
+    let new = PairObservation::new(pair.id, again, outcome).through(lens);
+    Ok(Some(PairObservation { candidates: pair.candidates, superseded: Some(Box::new(superseded)), ..new }))
 }

@@ -14,7 +14,10 @@ use nalgebra::{DMatrix, DVector, Matrix2x4, Matrix4, SMatrix, SVector, Vector2, 
 use rayon::prelude::*;
 
 use crate::{
-    geometry::{distortion::Distortion, frame::Frame, intrinsics::Intrinsics},
+    geometry::{
+        frame::Frame,
+        lens::{Lens, Radtan},
+    },
     numerics::{
         levenberg_marquardt::{Descent, LeastSquares, LmOptions, NormalEquations, StopReason, minimise_until},
         linalg::{rows_of, sphere_tangent},
@@ -22,60 +25,26 @@ use crate::{
     observer::{Observer, Silent},
     pairs::{
         correspondence::PointMatch,
-        refine::{RefineOptions, linearise, refine_until},
+        placed_lens::PlacedLens,
+        refine::{RefineOptions, refine_until},
+        residual::linearise,
     },
 };
 
-/// A lens: coefficients, and the camera matrix through which they act.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Lens {
-    /// Coefficients.
-    pub distortion: Distortion,
-    /// Focal length and centre.
-    pub intrinsics: Intrinsics,
+/// The lens with (k1, k2, x0, y0) changed; the centre in units of the focal length.
+pub(crate) fn moved(lens: &PlacedLens, step: &Vector4<f64>) -> PlacedLens {
+    let [k1, k2, p1, p2, k3] = coefficients(lens);
+    let mut intrinsics = lens.intrinsics;
+    intrinsics.cx += step[2] * intrinsics.fx;
+    intrinsics.cy += step[3] * intrinsics.fy;
+    PlacedLens { lens: Lens::Radtan(Radtan::new([k1 + step[0], k2 + step[1], p1, p2, k3])), intrinsics }
 }
 
-impl Lens {
-    /// The pixel an ideal lens would have given.
-    pub fn ideal_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
-        self.distortion.undistort_pixel(&self.intrinsics, p)
-    }
-
-    /// The pixel this lens gives for one of an ideal lens.
-    pub fn real_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
-        let distorted = self.distortion.distort(&self.intrinsics.normalised_from_pixel(p));
-        Some(self.intrinsics.pixel_from_normalised(&distorted)).filter(|q| q.x.is_finite() && q.y.is_finite())
-    }
-
-    /// A match as an ideal lens would have given it, its deviation magnified as the lens was undone.
-    pub fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
-        let (a, b) = (self.ideal_point(&m.a)?, self.ideal_point(&m.b)?);
-        let magnification = |ideal: &Vector2<f64>| {
-            let n = self.intrinsics.normalised_from_pixel(ideal);
-            1.0 / self.distortion.distort_jacobian(&n).determinant().abs().sqrt()
-        };
-        Some(PointMatch { a, b, sigma_px: m.sigma_px * 0.5 * (magnification(&a) + magnification(&b)) })
-    }
-
-    /// The same lens with coefficients for another focal length.
-    pub fn with_focal_length(&self, f_px: f64) -> Self {
-        let ratio = (f_px / self.intrinsics.fx).powi(2);
-        let d = &self.distortion;
-        let distortion = Distortion { k1: d.k1 * ratio, k2: d.k2 * ratio * ratio, ..*d };
-        Self {
-            distortion,
-            intrinsics: Intrinsics { fx: f_px, fy: f_px * self.intrinsics.fy / self.intrinsics.fx, ..self.intrinsics },
-        }
-    }
-
-    /// The lens with (k1, k2, x0, y0) changed; the centre in units of the focal length.
-    pub fn moved(&self, step: &Vector4<f64>) -> Self {
-        let mut lens = *self;
-        lens.distortion.k1 += step[0];
-        lens.distortion.k2 += step[1];
-        lens.intrinsics.cx += step[2] * lens.intrinsics.fx;
-        lens.intrinsics.cy += step[3] * lens.intrinsics.fy;
-        lens
+/// k1, k2, p1, p2, k3: planes are asked for no other model.
+pub(crate) fn coefficients(lens: &PlacedLens) -> [f64; 5] {
+    match &lens.lens {
+        Lens::Radtan(radtan) => radtan.parameters(),
+        _ => [0.0; 5],
     }
 }
 
@@ -100,7 +69,7 @@ impl LensPrior {
 #[derive(Debug, Clone)]
 pub struct LensEstimate {
     /// k1 and k2 through the reference focal length, and the centre.
-    pub lens: Lens,
+    pub lens: PlacedLens,
     /// Covariance of (k1, k2, x0, y0), the centre in focal lengths.
     pub covariance: Matrix4<f64>,
 }
@@ -119,7 +88,7 @@ const ENOUGH: usize = 3000;
 pub fn estimate_lens(
     motions: &[&[PointMatch]],
     frame: &Frame,
-    start: &Lens,
+    start: &PlacedLens,
     prior: &LensPrior,
 ) -> Option<LensEstimate> {
     estimate_lens_until(motions, frame, start, prior, &Silent)
@@ -129,7 +98,7 @@ pub fn estimate_lens(
 pub(crate) fn estimate_lens_until(
     motions: &[&[PointMatch]],
     frame: &Frame,
-    start: &Lens,
+    start: &PlacedLens,
     prior: &LensPrior,
     observer: &dyn Observer,
 ) -> Option<LensEstimate> {
@@ -152,21 +121,21 @@ pub(crate) fn estimate_lens_until(
 struct LensProblem<'a> {
     motions: &'a [&'a [PointMatch]],
     frame: &'a Frame,
-    start: &'a Lens,
+    start: &'a PlacedLens,
     prior_information: Vector4<f64>,
     observer: &'a dyn Observer,
 }
 
 impl LeastSquares for LensProblem<'_> {
-    type State = Lens;
+    type State = PlacedLens;
     type Linearised = NormalEquations;
 
-    fn cost(&self, lens: &Lens) -> Option<f64> {
-        let (d, [k1, k2]) = (&lens.distortion, MOST_COEFFICIENTS);
-        (d.k1.abs() < k1 && d.k2.abs() < k2).then_some(0.0)
+    fn cost(&self, lens: &PlacedLens) -> Option<f64> {
+        let ([k1, k2, ..], [most_k1, most_k2]) = (coefficients(lens), MOST_COEFFICIENTS);
+        (k1.abs() < most_k1 && k2.abs() < most_k2).then_some(0.0)
     }
 
-    fn linearise(&self, lens: &Lens) -> Option<NormalEquations> {
+    fn linearise(&self, lens: &PlacedLens) -> Option<NormalEquations> {
         let parts: Vec<Option<(Vector4<f64>, Matrix4<f64>)>> = self
             .motions
             .par_iter()
@@ -178,8 +147,8 @@ impl LeastSquares for LensProblem<'_> {
             gradient += g;
             normal += a;
         }
-        let (d, k, from) = (&lens.distortion, &lens.intrinsics, &self.start.intrinsics);
-        let offset = Vector4::new(d.k1, d.k2, (k.cx - from.cx) / from.fx, (k.cy - from.cy) / from.fy);
+        let ([k1, k2, ..], k, from) = (coefficients(lens), &lens.intrinsics, &self.start.intrinsics);
+        let offset = Vector4::new(k1, k2, (k.cx - from.cx) / from.fx, (k.cy - from.cy) / from.fy);
         gradient += self.prior_information.component_mul(&offset);
         normal += Matrix4::from_diagonal(&self.prior_information);
         Some(NormalEquations {
@@ -189,8 +158,8 @@ impl LeastSquares for LensProblem<'_> {
         })
     }
 
-    fn retract(&self, lens: &Lens, step: &DVector<f64>) -> Lens {
-        lens.moved(&Vector4::from_fn(|i, _| step[i].clamp(-LONGEST_STEP[i], LONGEST_STEP[i])))
+    fn retract(&self, lens: &PlacedLens, step: &DVector<f64>) -> PlacedLens {
+        moved(lens, &Vector4::from_fn(|i, _| step[i].clamp(-LONGEST_STEP[i], LONGEST_STEP[i])))
     }
 }
 
@@ -198,7 +167,7 @@ impl LeastSquares for LensProblem<'_> {
 fn reduced_equations(
     matches: &[PointMatch],
     frame: &Frame,
-    lens: &Lens,
+    lens: &PlacedLens,
     observer: &dyn Observer,
 ) -> Option<(Vector4<f64>, Matrix4<f64>)> {
     let stride = matches.len().div_ceil(ENOUGH).max(1);
@@ -207,11 +176,11 @@ fn reduced_equations(
     let estimate = refine_until(&ideal, None, frame, &RefineOptions::default(), observer).ok()?;
     let tangent = sphere_tangent(&rows_of(&estimate.in_frame));
     const STEP: f64 = 1e-4;
-    let shifted: Vec<[Lens; 2]> = (0..4)
+    let shifted: Vec<[PlacedLens; 2]> = (0..4)
         .map(|i| {
             let mut step = Vector4::zeros();
             step[i] = STEP;
-            [lens.moved(&step), lens.moved(&-step)]
+            [moved(lens, &step), moved(lens, &-step)]
         })
         .collect();
     // Change of a point's ideal place with each parameter, by central differences, frame units.
@@ -261,27 +230,22 @@ mod tests {
     #[test]
     fn the_lens_comes_back_from_exact_and_from_noisy_matches() {
         for (sigma_px, tolerance) in [(0.0, 1e-6), (0.05, 0.003)] {
-            let scene = PointScene {
-                distortion: Distortion::radial(-0.2, 0.04),
-                sigma_px,
-                matches: 500,
-                ..PointScene::nominal(3)
-            };
+            let scene = PointScene { lens: Lens::radial(-0.2, 0.04), sigma_px, matches: 500, ..PointScene::nominal(3) };
             let k = scene.intrinsics;
             let frame = Frame::new(scene.size, None);
             let pairs = scene.pairs();
             let motions: Vec<&[PointMatch]> = pairs.iter().map(|p| p.pair.matches.as_slice()).collect();
-            let start = Lens { distortion: Distortion::default(), intrinsics: k };
+            let start = PlacedLens { lens: Lens::None, intrinsics: k };
             let prior = LensPrior { k1_sigma: 100.0, k2_sigma: 100.0, centre_sigma: 0.001 };
             let found = estimate_lens(&motions, &frame, &start, &prior).expect("determined");
-            let d = found.lens.distortion;
-            assert!((d.k1 + 0.2).abs() < tolerance && (d.k2 - 0.04).abs() < 5.0 * tolerance, "{sigma_px}: {d:?}");
+            let [k1, k2, ..] = coefficients(&found.lens);
+            assert!((k1 + 0.2).abs() < tolerance && (k2 - 0.04).abs() < 5.0 * tolerance, "{sigma_px}: {k1} {k2}");
             if sigma_px > 0.0 {
                 let sd = found.covariance[(0, 0)].sqrt();
-                assert!((d.k1 + 0.2).abs() < 4.0 * sd && sd < tolerance, "{sd}");
+                assert!((k1 + 0.2).abs() < 4.0 * sd && sd < tolerance, "{sd}");
             }
             // Through another focal length the same lens.
-            let other = found.lens.with_focal_length(500.0);
+            let other = found.lens.with_focal_length(500.0).expect("of this model");
             let p = Vector2::new(100.0, 200.0);
             let (u, v) = (found.lens.ideal_point(&p).expect("inside"), other.ideal_point(&p).expect("inside"));
             assert!((u - v).norm() < 1e-9);

@@ -7,7 +7,7 @@
 //! The points x̂ are eliminated: with F = ∂(H x̂)/∂x̂ and G = ∂(H x̂)/∂h the information of h is Σ Gᵀ (I + F Fᵀ)⁻¹ G / σ². It is
 //! kept in the eight-dimensional tangent space of the unit sphere on which the nine entries live, in frame coordinates.
 
-use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SVector};
 
 use crate::{
     error::Error,
@@ -21,8 +21,10 @@ use crate::{
         statistics::{chi_squared_2_mean_below, chi_squared_2_quantile},
     },
     observer::{Observer, Silent},
-    pairs::{correspondence::PointMatch, dlt::direct_linear_transformation},
+    pairs::{correspondence::PointMatch, residual::PlaneMatch},
 };
+
+pub use crate::pairs::residual::{sampson_squared, spread_ratio};
 
 /// A homography with its covariance.
 #[derive(Debug, Clone)]
@@ -66,110 +68,19 @@ impl HomographyEstimate {
     }
 }
 
-/// One match against a homography, its true point eliminated.
-struct Eliminated {
-    /// |a - x̂|² + |b - H x̂|² at the best x̂.
-    squared_error: f64,
-    /// x̂, homogeneous.
-    point: Vector3<f64>,
-    /// ∂(H x̂) / ∂(H x̂ homogeneous): 2x3.
-    projection: Matrix2x3<f64>,
-    /// (I + F Fᵀ)⁻¹.
-    weight: Matrix2<f64>,
-    /// Innovation b - H x̂ - F (a - x̂).
-    innovation: Vector2<f64>,
-}
-
-fn eliminate(h: &Matrix3<f64>, m: &PointMatch) -> Option<Eliminated> {
-    let mut point = m.a;
-    let mut result = None;
-    // Gauss-Newton on the point: the first step is Sampson's approximation, the third is below rounding for real noise.
-    for step in 0..4 {
-        let homogeneous = Vector3::new(point.x, point.y, 1.0);
-        let q = h * homogeneous;
-        if q.z <= 1e-9 {
-            return None;
-        }
-        let w = 1.0 / q.z;
-        let image = Vector2::new(q.x * w, q.y * w);
-        let projection = Matrix2x3::new(w, 0.0, -image.x * w, 0.0, w, -image.y * w);
-        let f = projection * h.fixed_view::<3, 2>(0, 0);
-        let (da, db) = (m.a - point, m.b - image);
-        if step == 3 {
-            let weight = (Matrix2::identity() + f * f.transpose()).try_inverse()?;
-            result = Some(Eliminated {
-                squared_error: da.norm_squared() + db.norm_squared(),
-                point: homogeneous,
-                projection,
-                weight,
-                innovation: db - f * da,
-            });
-        } else {
-            point += (Matrix2::identity() + f.transpose() * f).try_inverse()? * (da + f.transpose() * db);
-        }
-    }
-    result
-}
-
-/// The residual of one match linearised in the homography's entries and in both points, its true point eliminated.
-pub(crate) struct Linearised {
-    /// The corrected points x̂ and H x̂; their errors are uncorrelated with the innovation.
-    pub(crate) corrected: [Vector2<f64>; 2],
-    /// Innovation b - H x̂ - F (a - x̂).
-    pub(crate) innovation: Vector2<f64>,
-    /// Its inverse covariance for unit noise in all four coordinates, (I + F Fᵀ)⁻¹.
-    pub(crate) weight: Matrix2<f64>,
-    /// F: what a step of a does to its image.
-    pub(crate) slope: Matrix2<f64>,
-    /// What a step of the nine entries, row by row, does to the image.
-    pub(crate) by_entries: SMatrix<f64, 2, 9>,
-}
-
-/// See [`Linearised`]; frame coordinates. `None` for a point beyond infinity.
-pub(crate) fn linearise(h: &Matrix3<f64>, m: &PointMatch) -> Option<Linearised> {
-    let e = eliminate(h, m)?;
-    let image = h * e.point;
-    Some(Linearised {
-        corrected: [e.point.xy(), image.xy() / image.z],
-        innovation: e.innovation,
-        weight: e.weight,
-        slope: e.projection * h.fixed_view::<3, 2>(0, 0),
-        by_entries: SMatrix::<f64, 2, 9>::from_fn(|r, c| e.projection[(r, c / 3)] * e.point[c % 3]),
-    })
-}
-
-/// Squared Sampson distance (both images), the first-order value of the gold standard's error; frame units of the
-/// arguments. Infinite for a point that goes beyond infinity.
-#[inline]
-pub fn sampson_squared(h: &Matrix3<f64>, m: &PointMatch) -> f64 {
-    let q = h * Vector3::new(m.a.x, m.a.y, 1.0);
-    if q.z <= 1e-9 {
-        return f64::INFINITY;
-    }
-    let w = 1.0 / q.z;
-    let (u, v) = (q.x * w, q.y * w);
-    let f11 = (h[(0, 0)] - u * h[(2, 0)]) * w;
-    let f12 = (h[(0, 1)] - u * h[(2, 1)]) * w;
-    let f21 = (h[(1, 0)] - v * h[(2, 0)]) * w;
-    let f22 = (h[(1, 1)] - v * h[(2, 1)]) * w;
-    let (c11, c12, c22) = (1.0 + f11 * f11 + f12 * f12, f11 * f21 + f12 * f22, 1.0 + f21 * f21 + f22 * f22);
-    let (dx, dy) = (m.b.x - u, m.b.y - v);
-    (c22 * dx * dx - 2.0 * c12 * dx * dy + c11 * dy * dy) / (c11 * c22 - c12 * c12)
-}
-
 /// Normal equations of the nine entries: half cost, gradient, information (before restriction to the sphere).
-pub(super) fn accumulate(
+pub(super) fn accumulate<M: PlaneMatch>(
     h: &Matrix3<f64>,
-    matches: &[PointMatch],
+    matches: &[M],
     weights: Option<&[f64]>,
 ) -> Option<(f64, SVector<f64, 9>, SMatrix<f64, 9, 9>)> {
     let (mut cost, mut gradient, mut information) = (0.0, SVector::<f64, 9>::zeros(), SMatrix::<f64, 9, 9>::zeros());
     for (index, m) in matches.iter().enumerate() {
-        let w = weights.map_or(1.0, |w| w[index]) / (m.sigma_px * m.sigma_px);
+        let w = weights.map_or(1.0, |w| w[index]) / (m.sigma_px() * m.sigma_px());
         if w == 0.0 {
             continue;
         }
-        let e = eliminate(h, m)?;
+        let e = m.eliminated(h)?;
         cost += 0.5 * w * e.squared_error;
         let pull = e.projection.transpose() * (e.weight * e.innovation) * w;
         let inner = e.projection.transpose() * e.weight * e.projection * w;
@@ -195,26 +106,24 @@ pub(super) fn accumulate(
     Some((cost, gradient, information))
 }
 
-struct GoldStandard<'a> {
-    matches: &'a [PointMatch],
-    weights: Option<&'a [f64]>,
+struct GoldStandard<'a, M> {
+    matches: &'a [M],
 }
 
-impl LeastSquares for GoldStandard<'_> {
+impl<M: PlaneMatch> LeastSquares for GoldStandard<'_, M> {
     type State = Matrix3<f64>;
     type Linearised = NormalEquations;
 
     fn cost(&self, h: &Self::State) -> Option<f64> {
         let mut cost = 0.0;
-        for (index, m) in self.matches.iter().enumerate() {
-            let w = self.weights.map_or(1.0, |w| w[index]) / (m.sigma_px * m.sigma_px);
-            cost += 0.5 * w * eliminate(h, m)?.squared_error;
+        for m in self.matches {
+            cost += 0.5 / (m.sigma_px() * m.sigma_px()) * m.eliminated(h)?.squared_error;
         }
         Some(cost)
     }
 
     fn linearise(&self, h: &Self::State) -> Option<NormalEquations> {
-        let (cost, gradient, information) = accumulate(h, self.matches, self.weights)?;
+        let (cost, gradient, information) = accumulate(h, self.matches, None)?;
         let tangent = sphere_tangent(&rows_of(h));
         let reduced = tangent.transpose() * information * tangent;
         let slope = tangent.transpose() * gradient;
@@ -234,19 +143,6 @@ impl LeastSquares for GoldStandard<'_> {
 
 /// Least noise that a covariance is made with, in pixels.
 const SIGMA_FLOOR_PX: f64 = 0.01;
-
-/// Ratio of the least to the largest standard deviation of the points over direction, the worse image of the two.
-pub fn spread_ratio(matches: &[PointMatch]) -> f64 {
-    let ratio = |points: &dyn Fn(&PointMatch) -> Vector2<f64>| {
-        let n = matches.len() as f64;
-        let mean = matches.iter().map(points).fold(Vector2::zeros(), |s, p| s + p) / n;
-        let scatter = matches.iter().map(points).fold(Matrix2::zeros(), |s, p| s + (p - mean) * (p - mean).transpose());
-        let (half, det) = (0.5 * scatter.trace(), scatter.determinant().max(0.0));
-        let root = (half * half - det).max(0.0).sqrt();
-        if half + root > 0.0 { ((half - root).max(0.0) / (half + root)).sqrt() } else { 0.0 }
-    };
-    ratio(&|m| m.a).min(ratio(&|m| m.b))
-}
 
 /// Options of [`refine`].
 #[derive(Debug, Clone, Copy)]
@@ -296,23 +192,33 @@ pub(crate) fn refine_until(
     options: &RefineOptions,
     observer: &dyn Observer,
 ) -> Result<HomographyEstimate, Error> {
-    let local = to_frame(matches, frame);
-    let degenerate = |ratio| Error::DegeneratePoints { count: matches.len(), spread_ratio: ratio };
-    let spread = if local.len() < 4 { 0.0 } else { spread_ratio(&local) };
+    refine_in_frame(&to_frame(matches, frame), start, frame, options, observer)
+}
+
+/// The same of matches in the frame.
+pub(crate) fn refine_in_frame<M: PlaneMatch>(
+    local: &[M],
+    start: Option<&Matrix3<f64>>,
+    frame: &Frame,
+    options: &RefineOptions,
+    observer: &dyn Observer,
+) -> Result<HomographyEstimate, Error> {
+    let degenerate = |ratio| Error::DegeneratePoints { count: local.len(), spread_ratio: ratio };
+    let spread = if local.len() < 4 { 0.0 } else { M::spread(local) };
     if spread < 1e-4 {
         return Err(degenerate(spread));
     }
     let start = match start {
         Some(h) => *h / h.norm(),
         None => {
-            let (h, ratio) = direct_linear_transformation(&local).ok_or_else(|| degenerate(0.0))?;
+            let (h, ratio) = M::linear(local).ok_or_else(|| degenerate(0.0))?;
             if ratio > 0.5 {
                 return Err(degenerate(1.0 - ratio));
             }
             h
         }
     };
-    let problem = GoldStandard { matches: &local, weights: None };
+    let problem = GoldStandard { matches: local };
     let out = minimise_until(&problem, start, &options.lm, observer).ok_or_else(|| degenerate(spread))?;
     if out.stop == StopReason::Stopped {
         return Err(Error::Stopped);
@@ -339,7 +245,7 @@ pub(crate) fn refine_until(
     // No matcher is better than this; without a floor exact data would have infinite weight beside an axis error.
     let variance = sigma_sq_px.max(SIGMA_FLOOR_PX * SIGMA_FLOOR_PX) / scale_sq;
     let reduced = SMatrix::<f64, 8, 8>::from_fn(|r, c| inverse[(r, c)] * variance);
-    let mean_weight = local.iter().map(|m| m.sigma_px.powi(-2)).sum::<f64>() / local.len() as f64;
+    let mean_weight = local.iter().map(|m| m.sigma_px().powi(-2)).sum::<f64>() / local.len() as f64;
     Ok(HomographyEstimate {
         h_b_from_a: Homography::from_frame(&out.state, frame).map_err(|_| degenerate(spread))?,
         in_frame: out.state,

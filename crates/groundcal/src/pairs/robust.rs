@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, SVector};
 
 use crate::pairs::{
-    dlt::from_four_points,
-    refine::{HomographyEstimate, RefineOptions, accumulate, refine_until, sampson_squared, spread_ratio, to_frame},
+    refine::{HomographyEstimate, RefineOptions, accumulate, refine_in_frame, to_frame},
+    residual::PlaneMatch,
 };
 use crate::{
     error::Error,
@@ -55,13 +55,13 @@ pub struct RobustHomography {
     pub is_static: bool,
 }
 
-struct Problem<'a> {
-    matches: &'a [PointMatch],
+struct Problem<'a, M> {
+    matches: &'a [M],
     /// 1 / largest noise variance, in frame units.
     scale: f64,
 }
 
-impl RobustProblem for Problem<'_> {
+impl<M: PlaneMatch> RobustProblem for Problem<'_, M> {
     type Model = Matrix3<f64>;
     const SAMPLE_SIZE: usize = 4;
 
@@ -71,8 +71,8 @@ impl RobustProblem for Problem<'_> {
 
     fn minimal(&self, sample: &[usize]) -> Option<Self::Model> {
         let m = [0, 1, 2, 3].map(|i| &self.matches[sample[i]]);
-        let h = from_four_points(m)?;
-        let in_front = |h: &Matrix3<f64>| m.iter().all(|p| h[(2, 0)] * p.a.x + h[(2, 1)] * p.a.y + h[(2, 2)] > 1e-6);
+        let h = M::through_four(m)?;
+        let in_front = |h: &Matrix3<f64>| m.iter().all(|p| p.is_in_front(h));
         if in_front(&h) {
             Some(h)
         } else if in_front(&-h) {
@@ -84,7 +84,7 @@ impl RobustProblem for Problem<'_> {
 
     fn squared_residual(&self, model: &Self::Model, index: usize) -> f64 {
         let m = &self.matches[index];
-        sampson_squared(model, m) * self.scale / (m.sigma_px * m.sigma_px)
+        m.sampson_squared(model) * self.scale / (m.sigma_px() * m.sigma_px())
     }
 
     fn refit(&self, model: &Self::Model, weights: &[f64]) -> Option<Self::Model> {
@@ -120,9 +120,19 @@ pub(crate) fn estimate_robust_until(
     options: &RobustOptions,
     observer: &dyn Observer,
 ) -> Result<RobustHomography, Error> {
+    estimate_in_frame(&to_frame(matches, frame), frame, options, observer)
+}
+
+/// The same of matches in the frame.
+pub(crate) fn estimate_in_frame<M: PlaneMatch>(
+    matches: &[M],
+    frame: &Frame,
+    options: &RobustOptions,
+    observer: &dyn Observer,
+) -> Result<RobustHomography, Error> {
     let all: Vec<usize> = (0..matches.len()).collect();
     let first = estimate_among(matches, &all, frame, options, observer)?;
-    let displacement = |m: &PointMatch| (m.b - m.a).norm();
+    let displacement = |m: &M| m.displacement_px(frame);
     let mut moved: Vec<f64> = first.inliers.iter().map(|&i| displacement(&matches[i])).collect();
     if median(&mut moved) > options.static_px {
         return Ok(first);
@@ -139,18 +149,17 @@ pub(crate) fn estimate_robust_until(
     })
 }
 
-fn estimate_among(
-    matches: &[PointMatch],
+fn estimate_among<M: PlaneMatch>(
+    matches: &[M],
     among: &[usize],
     frame: &Frame,
     options: &RobustOptions,
     observer: &dyn Observer,
 ) -> Result<RobustHomography, Error> {
-    let chosen: Vec<PointMatch> = among.iter().map(|&i| matches[i]).collect();
-    let local = to_frame(&chosen, frame);
+    let local: Vec<M> = among.iter().map(|&i| matches[i].clone()).collect();
     let degenerate = || Error::DegeneratePoints {
         count: local.len(),
-        spread_ratio: if local.is_empty() { 0.0 } else { spread_ratio(&local) },
+        spread_ratio: if local.is_empty() { 0.0 } else { M::spread(&local) },
     };
     let largest_sigma_px = options.max_sigma_px;
     let max_sigma = largest_sigma_px / frame.scale_px;
@@ -177,11 +186,11 @@ fn estimate_among(
             break;
         }
         inliers = next;
-        let kept: Vec<PointMatch> = inliers.iter().map(|&i| chosen[i]).collect();
+        let kept: Vec<M> = inliers.iter().map(|&i| local[i].clone()).collect();
         // With no datum left out there was no cut to allow for.
         let kept_fraction = if inliers.len() == local.len() { 1.0 } else { KEPT };
         let options = RefineOptions { kept_fraction, ..RefineOptions::default() };
-        let refined = refine_until(&kept, Some(&h), frame, &options, observer)?;
+        let refined = refine_in_frame(&kept, Some(&h), frame, &options, observer)?;
         h = refined.in_frame;
         noise = (refined.sigma_px / largest_sigma_px).powi(2);
         estimate = Some(refined);

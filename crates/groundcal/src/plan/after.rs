@@ -26,7 +26,7 @@ pub fn start(c: &Calibration) -> Result<Start, Error> {
     if let Some(p) = Parameter::ALL.iter().find(|p| !c.covariance.parameters.contains(p)) {
         return Err(fail(format!("there is no {p} in the covariance")));
     }
-    Ok(Start::from_fn(|r, s| c.covariance(Parameter::ALL[r], Parameter::ALL[s])))
+    Ok(c.covariance.clone())
 }
 
 /// What was assumed, to be assumed again.

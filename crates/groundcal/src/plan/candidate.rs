@@ -2,13 +2,14 @@
 
 use nalgebra::SMatrix;
 
-use crate::{numerics::linalg::inverse_spd, synthetic::points::MotionSpec};
+use crate::{numerics::linalg::inverse_spd, refine::blocks::MOST_CAMERA_NUMBERS, synthetic::points::MotionSpec};
 
-/// Numbers of the camera that a plan is made for: ln fx, ln fy/fx, cx, cy, skew, k1, k2.
-pub(super) const NUMBERS: usize = 7;
+/// A symmetric matrix over the numbers of the camera's block in the joint refinement (ln fx, ln fy/fx, cx, cy, skew in frame units, then
+/// those of its lens); rows beyond its lens are zero.
+pub type CameraMatrix = SMatrix<f64, MOST_CAMERA_NUMBERS, MOST_CAMERA_NUMBERS>;
 
-/// A symmetric matrix over ln fx, ln fy/fx, cx, cy, skew (frame units), k1, k2.
-pub type CameraMatrix = SMatrix<f64, NUMBERS, NUMBERS>;
+/// Which of these numbers the estimator frees.
+pub(super) type Free = [bool; MOST_CAMERA_NUMBERS];
 
 /// A motion of the grid with what it says.
 pub(super) struct Candidate {
@@ -19,8 +20,8 @@ pub(super) struct Candidate {
 }
 
 /// Inverse over the free numbers, zero elsewhere; `None` when singular.
-pub(super) fn inverse_free(information: &CameraMatrix, free: &[bool; NUMBERS]) -> Option<CameraMatrix> {
-    let kept: Vec<usize> = (0..NUMBERS).filter(|&i| free[i]).collect();
+pub(super) fn inverse_free(information: &CameraMatrix, free: &Free) -> Option<CameraMatrix> {
+    let kept: Vec<usize> = (0..free.len()).filter(|&i| free[i]).collect();
     let dense = nalgebra::DMatrix::from_fn(kept.len(), kept.len(), |r, c| information[(kept[r], kept[c])]);
     let inverse = inverse_spd(&dense)?;
     let mut out = CameraMatrix::zeros();

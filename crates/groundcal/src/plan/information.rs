@@ -17,7 +17,7 @@ use crate::{
         size::ImageSize,
     },
     numerics::{levenberg_marquardt::LeastSquares, linalg::inverse_spd},
-    plan::candidate::{CameraMatrix, NUMBERS},
+    plan::candidate::{CameraMatrix, Free},
     refine::{
         blocks::{BundleOptions, CameraState, Departure, FrameState, GroupState, MATRIX, State},
         layout::Ingredients,
@@ -39,7 +39,7 @@ pub(super) struct Setting {
     /// The camera as it is thought to be, frame units.
     pub(super) camera: CameraState,
     /// Which of its numbers the estimator frees.
-    pub(super) free: [bool; NUMBERS],
+    pub(super) free: Free,
     /// How far it lets attitudes and heights stray.
     pub(super) options: BundleOptions,
     pub(super) height_sigma: f64,
@@ -147,7 +147,7 @@ impl Setting {
         }
         let mut unknowns = self.options.cameras[0].clone();
         (unknowns.matrix_priors, unknowns.lens_priors) = ([None; MATRIX], Vec::new());
-        (0..NUMBERS).for_each(|i| unknowns.set_free(i, self.free[i]));
+        (0..self.free.len()).for_each(|i| unknowns.set_free(i, self.free[i]));
         let mut problem = Problem::new(&Ingredients {
             scene: SceneModel::Floor,
             tracks: &tracks,
@@ -189,7 +189,7 @@ mod tests {
         synthetic::bound::{HeightModel, cramer_rao_bound},
     };
 
-    fn free_of(options: &BundleOptions) -> [bool; NUMBERS] {
+    fn free_of(options: &BundleOptions) -> Free {
         std::array::from_fn(|i| options.cameras[0].is_free(i))
     }
 
@@ -215,7 +215,7 @@ mod tests {
         let shared = setting.shared_floor(&motion);
         let [one, two, three] = [1, 2, 3].map(|n| setting.information(&motion, &shared, n).expect("regular"));
         for (less, more) in [(&one, &two), (&two, &three)] {
-            let kept: Vec<usize> = (0..NUMBERS).filter(|&i| setting.free[i]).collect();
+            let kept: Vec<usize> = (0..setting.free.len()).filter(|&i| setting.free[i]).collect();
             let gain = DMatrix::from_fn(kept.len(), kept.len(), |r, c| {
                 let (i, j) = (kept[r], kept[c]);
                 (more[(i, j)] - less[(i, j)]) / (more[(i, i)] * more[(j, j)]).sqrt()
@@ -258,8 +258,8 @@ mod tests {
             let shared: Vec<Shared> = specs.iter().map(|s| setting.shared_floor(s)).collect();
             let sum = specs.iter().zip(&shared).map(|(m, s)| setting.information(m, s, 1).expect("regular")).sum();
             let covariance = inverse_free(&sum, &setting.free).expect("determined");
-            let jacobian = pixels_by_camera(&k, &frame);
-            let planned = jacobian * covariance * jacobian.transpose();
+            let jacobian = pixels_by_camera(&k, &frame, camera.count());
+            let planned = &jacobian * covariance * jacobian.transpose();
             let points: Vec<Vec<Vector2<f64>>> =
                 shared.iter().map(|s| s.seen.iter().map(|(_, q)| q.xy() / q.z).collect()).collect();
             let motions: Vec<([View; 2], &[Vector2<f64>])> =

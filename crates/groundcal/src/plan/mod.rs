@@ -1,10 +1,10 @@
 //! Capture advice: which motions to make, and how well the camera will be known from them.
 //!
 //! ```text
-//! Λ(S) = Λ₀ + Σ_{m ∈ S} Λ_m,    Σ = Λ(S)⁻¹,    var ln f = cᵀ Σ c,    f = √(fx fy),  c = (1, ½, 0, 0, 0, 0, 0)
+//! Λ(S) = Λ₀ + Σ_{m ∈ S} Λ_m,    Σ = Λ(S)⁻¹,    var ln f = cᵀ Σ c,    f = √(fx fy),  c = (1, ½, 0, 0, ...)
 //! ```
 //!
-//! over (ln fx, ln fy/fx, cx, cy, skew, k1, k2): Λ_m is the Fisher information of a motion (`information.rs`), Λ₀ that of the
+//! over the camera's numbers (ln fx, ln fy/fx, cx, cy, skew, then those of the lens): Λ_m is the Fisher information of a motion (`information.rs`), Λ₀ that of the
 //! priors, or the inverse covariance of a calibration that is to be improved. Σ is what the joint refinement reports, to first
 //! order, of motions whose views' attitudes and heights stray as assumed. The motions are chosen from a grid of attitudes and
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
@@ -17,23 +17,27 @@ mod information;
 pub mod report;
 mod search;
 
-use nalgebra::SMatrix;
+use nalgebra::DMatrix;
 use serde::Serialize;
 
 use crate::{
     calibrate::Options,
     error::Error,
-    geometry::{constraint::Constraint, distortion::Distortion, frame::Frame, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{constraint::Constraint, frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     numerics::linalg::inverse_spd,
-    refine::{CameraState, bundle::pixels_by_camera},
+    refine::{
+        CameraState,
+        blocks::{MATRIX, MOST_CAMERA_NUMBERS},
+        bundle::pixels_by_camera,
+    },
     remedy::Remedy,
-    result::{PrincipalPointDoubt, Prior, StandardDeviation, Warning},
+    result::{Covariance, Parameter, PrincipalPointDoubt, Prior, StandardDeviation, Warning},
     start::linear_camera::{PriorParameter, check_certainty},
     synthetic::points::MotionSpec,
 };
 
 pub use candidate::CameraMatrix;
-use candidate::{Candidate, NUMBERS, inverse_free, ln_f_variance};
+use candidate::{Candidate, Free, inverse_free, ln_f_variance};
 use information::Setting;
 
 /// How a camera can move. Every pitch may be combined with every roll and every turn.
@@ -57,7 +61,7 @@ pub struct PlanOptions {
     /// The camera as it is thought to be, pixels.
     pub intrinsics: Intrinsics,
     /// Its lens.
-    pub distortion: Distortion,
+    pub lens: Lens,
     /// Its images.
     pub size: ImageSize,
     /// How it can move.
@@ -73,9 +77,8 @@ pub struct PlanOptions {
     pub calibration: Options,
 }
 
-/// A calibration to be improved: the covariance of (fx, fy, cx, cy, skew, k1, k2) in pixels squared, zero rows for what it held.
-/// It has the priors in it.
-pub type Start = SMatrix<f64, NUMBERS, NUMBERS>;
+/// A calibration to be improved: the covariance of its camera in pixels squared, zero rows for what it held. It has the priors in it.
+pub type Start = Covariance<Parameter>;
 
 /// Relative deviation of heights taken where none is given: that of a tripod or a robot on a floor.
 pub const HEIGHT_SIGMA: f64 = 1e-3;
@@ -227,16 +230,32 @@ impl Planner {
         options.validate()?;
         let (size, calibration) = (options.size, &options.calibration);
         let frame = Frame::new(size, calibration.principal_point_px);
-        let camera = CameraState::new(&options.intrinsics, &options.distortion.into(), &frame);
+        let lens = match options.lens {
+            // A pinhole bends with the coefficients that are estimated of it.
+            Lens::None => Lens::radial(0.0, 0.0),
+            Lens::Radtan(_) => options.lens,
+            other => {
+                return Err(Error::InvalidInput(format!(
+                    "a lens of the model {} ({}): what is estimated of a lens, and planned for, is radtan",
+                    other.name(),
+                    other.parameter_names().join(", ")
+                )));
+            }
+        };
+        let camera = CameraState::new(&options.intrinsics, &lens, &frame);
         let assumed = calibration.assumptions(size);
         let unknowns = &assumed.cameras[0];
-        let mut free: [bool; NUMBERS] = std::array::from_fn(|i| unknowns.is_free(i));
+        let mut free: Free = std::array::from_fn(|i| unknowns.is_free(i));
         let base = match start {
             Some(covariance) => {
-                let back = pixels_by_camera(&options.intrinsics, &frame)
+                let back = pixels_by_camera(&options.intrinsics, &frame, MOST_CAMERA_NUMBERS)
                     .try_inverse()
                     .ok_or_else(|| Error::InvalidInput("a camera matrix that is singular".into()))?;
-                let in_frame = back * covariance * back.transpose();
+                let places = Parameter::ALL.map(|p| (p, camera.place(p)));
+                let at = |place: usize| places.iter().find(|(_, at)| *at == Some(place)).map(|(p, _)| *p);
+                let in_pixels =
+                    CameraMatrix::from_fn(|r, c| at(r).zip(at(c)).map_or(0.0, |(a, b)| covariance.get(a, b)));
+                let in_frame = CameraMatrix::from_iterator((&back * in_pixels * back.transpose()).iter().copied());
                 free = std::array::from_fn(|i| in_frame[(i, i)] > LEAST_VARIANCE);
                 // Without a focal length there is nothing to improve.
                 let known = free[0].then(|| inverse_free(&in_frame, &free)).flatten();
@@ -475,9 +494,11 @@ impl Planner {
                 error => error,
             },
         )?;
-        let jacobian = pixels_by_camera(&self.intrinsics, &self.setting.frame);
-        let px = jacobian * c * jacobian.transpose();
-        let sd = |i: usize| free[i].then(|| px[(i, i)].max(0.0).sqrt());
+        let px = self.in_pixels(&c);
+        let sd = |p: Parameter| {
+            let place = self.setting.camera.place(p).filter(|place| free[*place])?;
+            Some(px[(place, place)].max(0.0).sqrt())
+        };
         let variance = ln_f_variance(&c);
         let share = |indices: &[usize]| {
             let kept: Vec<usize> = indices.iter().copied().filter(|&i| free[i]).collect();
@@ -492,23 +513,34 @@ impl Planner {
         };
         Ok(Prediction {
             standard_deviation: StandardDeviation {
-                fx: sd(0),
+                fx: sd(Parameter::Fx),
                 // Tied to fx where the aspect ratio is held.
                 fy: Some(px[(1, 1)].max(0.0).sqrt()),
-                cx: sd(2),
-                cy: sd(3),
-                skew: sd(4),
-                k1: sd(5),
-                k2: sd(6),
+                cx: sd(Parameter::Cx),
+                cy: sd(Parameter::Cy),
+                skew: sd(Parameter::Skew),
+                k1: sd(Parameter::K1),
+                k2: sd(Parameter::K2),
             },
             f_percent: 100.0 * variance.sqrt(),
-            share: Shares { principal_point: share(&[2, 3]), aspect: share(&[1]), lens: share(&[5, 6]) },
+            share: Shares {
+                principal_point: share(&[2, 3]),
+                aspect: share(&[1]),
+                lens: share(&(MATRIX..MOST_CAMERA_NUMBERS).collect::<Vec<_>>()),
+            },
         })
+    }
+
+    /// A covariance of the camera's numbers in pixels.
+    fn in_pixels(&self, covariance: &CameraMatrix) -> DMatrix<f64> {
+        let jacobian = pixels_by_camera(&self.intrinsics, &self.setting.frame, MOST_CAMERA_NUMBERS);
+        &jacobian * covariance * jacobian.transpose()
     }
 
     fn priors(&self, covariance: &CameraMatrix) -> Vec<Prior> {
         let frame = &self.setting.frame;
-        let of = |i: usize| {
+        let of = |p: Parameter| {
+            let i = self.setting.camera.place(p)?;
             let (mean, sigma) = self.setting.options.cameras[0].prior(i).filter(|_| self.setting.free[i])?;
             let (value, unit) = match i {
                 0 => (mean.exp() * frame.scale_px, mean.exp() * frame.scale_px),
@@ -519,14 +551,14 @@ impl Planner {
                 _ => (mean, 1.0),
             };
             Some(Prior {
-                parameter: PriorParameter::ALL[i],
+                parameter: p.prior(),
                 mean: value,
                 sigma: sigma * unit,
                 posterior_over_prior: covariance[(i, i)].sqrt() / sigma,
                 conflict: None,
             })
         };
-        (0..NUMBERS).filter_map(of).collect()
+        Parameter::ALL.into_iter().filter_map(of).collect()
     }
 
     /// What the calibration of the motions planned is going to warn of.
@@ -543,8 +575,7 @@ impl Planner {
             let rolls = || motions.iter().map(|m| m.roll_rad);
             let spread = rolls().fold(f64::MIN, f64::max) - rolls().fold(f64::MAX, f64::min);
             if motions.iter().all(|m| same(m, &motions[0])) {
-                let jacobian = pixels_by_camera(&self.intrinsics, &self.setting.frame);
-                let px = jacobian * covariance * jacobian.transpose();
+                let px = self.in_pixels(covariance);
                 let doubt = free[2].then(|| PrincipalPointDoubt::new(self.intrinsics.fx, |r, c| px[(r, c)]));
                 out.push(Warning::SingleAttitude { motions: motions.len(), doubt });
             } else if spread < PARALLEL_RAD && free[2] {

@@ -1,6 +1,6 @@
 //! The choice of motions: greedy, then exchanges (Fedorov 1972, *Theory of Optimal Experiments*).
 
-use crate::plan::candidate::{CameraMatrix, Candidate, NUMBERS, inverse_free, ln_f_variance};
+use crate::plan::candidate::{CameraMatrix, Candidate, Free, inverse_free, ln_f_variance};
 
 /// Relative gain in the standard deviation of f for which a less simple motion is taken, and for which one is exchanged.
 const WORTH: f64 = 0.01;
@@ -11,7 +11,7 @@ const ROUNDS: usize = 10;
 
 struct Search<'a> {
     candidates: &'a [Candidate],
-    free: &'a [bool; NUMBERS],
+    free: &'a Free,
 }
 
 impl Search<'_> {
@@ -49,7 +49,7 @@ impl Search<'_> {
 pub(super) fn choose(
     candidates: &[Candidate],
     base: &CameraMatrix,
-    free: &[bool; NUMBERS],
+    free: &Free,
     count: usize,
     exchange: bool,
 ) -> Vec<usize> {

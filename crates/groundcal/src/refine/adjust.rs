@@ -24,8 +24,6 @@ use crate::{
     },
 };
 
-/// Rounds of estimation of weights and variance components.
-const ROUNDS: usize = 10;
 /// Standard deviations by which the cameras move from round to round when they rest.
 const CAMERA_RESTS: f64 = 0.02;
 
@@ -58,7 +56,7 @@ pub(crate) fn adjust_until(
         let weighing = rounds.weighing(&fit)?;
         let components = rounds.components.updated(&rounds.problem, &fit.out.state, &fit.factor, options);
         let rests = rounds.cameras_rest(&fit) & weighing.rests(rounds.effects) & components.rest(&rounds.components);
-        if rests || round == ROUNDS {
+        if rests || round >= options.rounds {
             return rounds.finish(fit, &weighing, &components, observer);
         }
         rounds.advance(&fit, &weighing, components);
@@ -197,7 +195,10 @@ impl<'a> Rounds<'a> {
         let student = if dof > 4.0 { dof / (dof - 2.0) } else { 2.0 };
         let given = self.options.attitude_sigma_rad.is_some();
         let unexplained = if given { disagreement(components.agreement) } else { 1.0 };
-        let nonlinear = profile_widening(problem, &out, &factor, &self.options.lm, observer);
+        let nonlinear = match self.options.profile {
+            true => profile_widening(problem, &out, &factor, &self.options.lm, observer),
+            false => 1.0,
+        };
         observer.go_on()?;
         let widened = student * unexplained * nonlinear * nonlinear;
         let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };

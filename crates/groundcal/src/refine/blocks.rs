@@ -14,12 +14,20 @@
 use nalgebra::{DVector, Matrix3, Rotation3, SVector, Vector2, Vector3};
 
 use crate::{
-    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
+    geometry::{
+        camera::INTRINSIC_NAMES,
+        frame::Frame,
+        intrinsics::Intrinsics,
+        lens::{Lens, MAX_LENS_PARAMETERS},
+        parameters::Parameter,
+    },
     numerics::levenberg_marquardt::{Descent, LmOptions},
 };
 
 /// Numbers of a camera matrix.
-pub const MATRIX: usize = 5;
+pub const MATRIX: usize = INTRINSIC_NAMES.len();
+/// Most numbers a camera's block has.
+pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
 /// Numbers of a rig pose.
 pub const RIG_POSE: usize = 6;
 /// Numbers of an attitude group.
@@ -69,6 +77,16 @@ impl CameraState {
     /// How many numbers the block has.
     pub fn count(&self) -> usize {
         MATRIX + self.lens.parameter_names().len()
+    }
+
+    /// The place of a parameter among the numbers of the block (that of fy has ln fy/fx); `None`: the lens has none of it.
+    pub fn place(&self, parameter: Parameter) -> Option<usize> {
+        let among = |names: &[&str]| names.iter().position(|n| *n == parameter.name());
+        if parameter.is_of_lens() {
+            among(self.lens.parameter_names()).map(|i| MATRIX + i)
+        } else {
+            among(&INTRINSIC_NAMES)
+        }
     }
 
     /// The numbers of the block in their order.
@@ -315,6 +333,10 @@ pub struct BundleOptions {
     pub departures: Vec<DepartureKind>,
     /// Residuals beyond this many standard deviations count less.
     pub huber: f64,
+    /// Most rounds of estimation of weights and variance components.
+    pub rounds: usize,
+    /// Whether the shape of the likelihood is looked at where the error bar of f is wide.
+    pub profile: bool,
     /// The loop.
     pub lm: LmOptions,
 }
@@ -322,6 +344,17 @@ pub struct BundleOptions {
 impl BundleOptions {
     /// Residuals beyond this many standard deviations count less, unless told otherwise.
     pub const HUBER: f64 = 3.0;
+
+    /// For a model that is only tried against another: neither the last digits nor the shape of the likelihood matter.
+    pub fn for_trial(self) -> Self {
+        let lm = LmOptions { max_iterations: 25, ..self.lm };
+        Self { rounds: 3, profile: false, lm, ..self }
+    }
+
+    /// The same priors and freedoms with the pains of other options.
+    pub fn as_thorough_as(self, other: &Self) -> Self {
+        Self { rounds: other.rounds, profile: other.profile, lm: other.lm, ..self }
+    }
 
     /// The usual ones for these cameras.
     pub fn new(cameras: Vec<CameraUnknowns>) -> Self {
@@ -332,6 +365,8 @@ impl BundleOptions {
             height_sigma: None,
             departures: Vec::new(),
             huber: Self::HUBER,
+            rounds: 10,
+            profile: true,
             lm: LmOptions {
                 descent: Descent::Damped,
                 max_iterations: 60,

@@ -34,6 +34,11 @@ impl JointCovariance {
         &self.matrix
     }
 
+    /// How many of the first are the camera's.
+    pub fn camera_numbers(&self) -> usize {
+        self.camera_numbers
+    }
+
     /// Of the camera's numbers.
     pub fn camera(&self) -> DMatrix<f64> {
         let n = self.camera_numbers;
@@ -46,37 +51,18 @@ impl JointCovariance {
         self.matrix.view((n, n), (all - n, all - n)).into_owned()
     }
 
-    /// In the fixed order of results: the camera's [`CAMERA`] numbers, then the others.
-    pub fn fixed<const N: usize>(&self) -> SMatrix<f64, N, N> {
-        fixed(&self.matrix, self.camera_numbers)
+    /// With the camera's numbers in pixels, given their derivatives by those of its block ([`pixels_by_camera`]).
+    pub(crate) fn in_pixels(&self, by_camera: &DMatrix<f64>) -> Self {
+        let mut jacobian = DMatrix::identity(self.matrix.nrows(), self.matrix.nrows());
+        jacobian.view_mut((0, 0), by_camera.shape()).copy_from(by_camera);
+        Self { matrix: &jacobian * &self.matrix * jacobian.transpose(), camera_numbers: self.camera_numbers }
     }
 }
 
-/// Numbers of a camera in results: fx, fy, cx, cy, skew, k1, k2. Those that a lens does not have are zero, those beyond are left out.
-pub const CAMERA: usize = 7;
-/// Numbers of a view's covariance in results: the camera's, then pitch (down), roll, yaw, x, y, height.
-pub const VIEW_NUMBERS: usize = CAMERA + 6;
-/// Numbers of a group's covariance in results: the camera's, then pitch (down), roll, height.
-pub const GROUP_NUMBERS: usize = CAMERA + 3;
-
-fn fixed<const N: usize>(matrix: &DMatrix<f64>, camera_numbers: usize) -> SMatrix<f64, N, N> {
-    let place = |i: usize| {
-        if i < CAMERA {
-            (i < camera_numbers).then_some(i)
-        } else {
-            Some(i - CAMERA + camera_numbers).filter(|p| *p < matrix.nrows())
-        }
-    };
-    SMatrix::from_fn(|r, c| match (place(r), place(c)) {
-        (Some(r), Some(c)) => matrix[(r, c)],
-        _ => 0.0,
-    })
-}
-
-/// Derivatives of a camera's [`CAMERA`] numbers in results by those of its block (frame units).
-pub fn pixels_by_camera(k_px: &Intrinsics, frame: &Frame) -> SMatrix<f64, CAMERA, CAMERA> {
-    let mut jacobian = SMatrix::<f64, CAMERA, CAMERA>::identity();
-    jacobian.fixed_view_mut::<MATRIX, MATRIX>(0, 0).copy_from(&frame.pixels_by_logarithms(k_px));
+/// Derivatives of a camera's numbers in pixels (fx, fy, cx, cy, skew, then those of its lens) by those of its block, however many.
+pub(crate) fn pixels_by_camera(k_px: &Intrinsics, frame: &Frame, numbers: usize) -> DMatrix<f64> {
+    let mut jacobian = DMatrix::identity(numbers, numbers);
+    jacobian.view_mut((0, 0), (MATRIX, MATRIX)).copy_from(&frame.pixels_by_logarithms(k_px));
     jacobian
 }
 
@@ -87,13 +73,6 @@ pub struct CameraEstimate {
     pub state: CameraState,
     /// Their covariance, units of its frame; zero rows for what was held.
     pub covariance: DMatrix<f64>,
-}
-
-impl CameraEstimate {
-    /// The covariance in the fixed order of results.
-    pub fn fixed_covariance(&self) -> SMatrix<f64, CAMERA, CAMERA> {
-        fixed(&self.covariance, self.covariance.nrows())
-    }
 }
 
 /// A camera's place in the rig.

@@ -33,10 +33,7 @@ pub use adjust::adjust;
 pub use blocks::{
     BundleOptions, CameraState, CameraUnknowns, Departure, DepartureKind, FrameState, GroupState, RigPose, State,
 };
-pub use bundle::{
-    Bundle, CAMERA, CameraEstimate, GROUP_NUMBERS, GroupEstimate, JointCovariance, RigEstimate, VIEW_NUMBERS,
-    ViewEstimate,
-};
+pub use bundle::{Bundle, CameraEstimate, GroupEstimate, JointCovariance, RigEstimate, ViewEstimate};
 pub use evidence::Evidence;
 pub use residual::SceneModel;
 pub use tracks::{KINDS, Kind, Observation, Track};

@@ -22,8 +22,8 @@ use crate::geometry::{
     lens::{Lens, LensProjection, MAX_LENS_PARAMETERS},
 };
 use crate::refine::blocks::{
-    CameraState, Departure, FRAME, FRAME_POSE, FRAME_YAW, FrameState, GROUP, GroupState, MATRIX, RIG_POSE, RigPose,
-    rotation_x, rotation_y,
+    CameraState, Departure, FRAME, FRAME_POSE, FRAME_YAW, FrameState, GROUP, GroupState, MATRIX, MOST_CAMERA_NUMBERS,
+    RIG_POSE, RigPose, rotation_x, rotation_y,
 };
 
 /// What the points are.
@@ -34,9 +34,6 @@ pub enum SceneModel {
     /// Points too far away to show any translation.
     Directions,
 }
-
-/// Most numbers a camera's block has.
-pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
 
 /// The matrices of a camera at a frame, made once for all points.
 #[derive(Debug, Clone)]

@@ -3,7 +3,7 @@
 //! Pixels throughout, (0, 0) being the centre of the top-left pixel, as the lens gave them unless *ideal* is said (those of a lens
 //! without distortion). A residual is measured less predicted.
 
-use crate::pairs::plane_lens::Lens;
+use crate::pairs::placed_lens::PlacedLens;
 
 /// Everything that was measured and what became of it. Empty where nothing was kept.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -15,7 +15,7 @@ pub struct Evidence {
     /// Every point of the joint refinement in every image that sees it, by track, then image.
     pub observations: Vec<ObservationEvidence>,
     /// The lens under which the homographies of [`Self::pairs`] take ideal pixels to ideal pixels; `None`: none was undone.
-    pub lens: Option<Lens>,
+    pub lens: Option<PlacedLens>,
 }
 
 /// What a pair of images showed by itself.

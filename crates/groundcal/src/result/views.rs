@@ -26,24 +26,32 @@ pub enum ViewParameter {
 }
 
 impl ViewParameter {
+    /// Those of the view itself.
+    pub const OF_POSE: [ViewParameter; 6] = [
+        ViewParameter::PitchDownRad,
+        ViewParameter::RollRad,
+        ViewParameter::YawRad,
+        ViewParameter::X,
+        ViewParameter::Y,
+        ViewParameter::Height,
+    ];
+
+    /// How many there are.
+    pub const COUNT: usize = Parameter::ALL.len() + Self::OF_POSE.len();
+
     /// All, in the order of every list of them: those of the camera, then those of the view.
-    pub const ALL: [ViewParameter; 13] = {
-        let p = Parameter::ALL;
-        [
-            ViewParameter::Camera(p[0]),
-            ViewParameter::Camera(p[1]),
-            ViewParameter::Camera(p[2]),
-            ViewParameter::Camera(p[3]),
-            ViewParameter::Camera(p[4]),
-            ViewParameter::Camera(p[5]),
-            ViewParameter::Camera(p[6]),
-            ViewParameter::PitchDownRad,
-            ViewParameter::RollRad,
-            ViewParameter::YawRad,
-            ViewParameter::X,
-            ViewParameter::Y,
-            ViewParameter::Height,
-        ]
+    pub const ALL: [ViewParameter; Self::COUNT] = {
+        let mut all = [ViewParameter::Height; Self::COUNT];
+        let mut i = 0;
+        while i < Self::COUNT {
+            all[i] = if i < Parameter::ALL.len() {
+                ViewParameter::Camera(Parameter::ALL[i])
+            } else {
+                Self::OF_POSE[i - Parameter::ALL.len()]
+            };
+            i += 1;
+        }
+        all
     };
 
     /// Whether it is a length over the floor.

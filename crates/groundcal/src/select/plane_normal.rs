@@ -118,7 +118,7 @@ fn check_single(motion: &Motion) -> Result<(), Error> {
 
 fn motion_of(pair: &PairObservation, frame: &Frame) -> Option<Motion> {
     let TurningPlane { geometry, .. } = pair.outcome.as_ref().ok()?;
-    let points = pair.inliers().map(|m| frame.from_pixel(&m.a));
+    let points = pair.seen_in_first().map(|p| frame.frame_matrix() * p);
     let sides = if geometry.minor_side(points) > MINOR_SIDE { Sides::Both } else { Sides::One };
     Some(Motion { from: pair.from, to: pair.to, geometry: geometry.clone(), sides })
 }

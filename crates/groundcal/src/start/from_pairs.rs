@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use crate::{
     error::Error,
-    geometry::frame::Frame,
+    geometry::{frame::Frame, lens::Lens},
     ids::PairId,
     observer::Observer,
     pairs::{
-        circular_points::from_homography, observation::PairObservation, observe::refit, plane_lens::Lens,
+        circular_points::from_homography, observation::PairObservation, observe::refit, placed_lens::PlacedLens,
         refine::HomographyEstimate,
     },
     select::attitude_groups::{Motion, Sides},
@@ -23,7 +23,7 @@ use crate::{
 /// # Errors
 /// See [`crate::start::linear_camera::solve_camera`]; [`Error::InvalidOption`] for a lens that cannot be undone where the matches are; [`Error::Stopped`].
 pub(crate) fn camera_of_motions_through(
-    lens: &Lens,
+    lens: &PlacedLens,
     pairs: &[PairObservation],
     used: &[PairId],
     frame: &Frame,
@@ -38,11 +38,10 @@ pub(crate) fn camera_of_motions_through(
     };
     let motions = unless_stopped(used, motion, observer)?;
     if motions.is_empty() && !used.is_empty() {
-        let d = &lens.distortion;
         return Err(Error::InvalidOption(format!(
-            "the lens distortion k1 = {}, k2 = {} cannot be undone where the matches are: the lens folds over inside the image. \
-             Check the sign and size of the coefficients",
-            d.k1, d.k2
+            "the lens distortion {} cannot be undone where the matches are: the lens folds over inside the image. Check the sign and \
+             size of the coefficients",
+            named_parameters(&lens.lens)
         )));
     }
     solve_camera_until(&motions, frame, options, observer)
@@ -67,7 +66,7 @@ pub(crate) fn camera_of_rotations(
 /// # Errors
 /// See [`calibrate_rotating`]; [`Error::Stopped`].
 pub(crate) fn camera_of_rotations_through(
-    lens: &Lens,
+    lens: &PlacedLens,
     pairs: &[PairObservation],
     used: &[PairId],
     frame: &Frame,
@@ -76,6 +75,14 @@ pub(crate) fn camera_of_rotations_through(
 ) -> Result<RotatingSolution, Error> {
     let again = |&id: &PairId| refit(&pairs[id], pairs[id].plane()?, lens, frame);
     calibrate_rotating(&unless_stopped(used, again, observer)?, options)
+}
+
+/// `k1 = -0.1, k2 = 0.02` and so on, those that are zero at the end left out.
+fn named_parameters(lens: &Lens) -> String {
+    let values = lens.parameters();
+    let last = values.iter().rposition(|v| *v != 0.0).map_or(0, |last| last + 1);
+    let named = lens.parameter_names().iter().zip(&values).take(last);
+    named.map(|(name, value)| format!("{name} = {value}")).collect::<Vec<_>>().join(", ")
 }
 
 fn unless_stopped<T: Send>(

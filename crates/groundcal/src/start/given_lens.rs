@@ -3,13 +3,13 @@
 //! The camera f that, used to undo the distortion, comes out again is the fixed point of f -> camera(matches undone through f),
 //! found by Steffensen's iteration on ln f.
 
-use crate::{error::Error, geometry::intrinsics::Intrinsics, pairs::plane_lens::Lens};
+use crate::{error::Error, geometry::intrinsics::Intrinsics, pairs::placed_lens::PlacedLens};
 
 /// The fixed point.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FixedPoint {
     /// The given coefficients through the camera found.
-    pub(crate) lens: Lens,
+    pub(crate) lens: PlacedLens,
     /// d ln f / d ln(f of the noise alone): the given coefficients pull the answer along with the focal length.
     pub(crate) amplification: f64,
     /// Relative change in the last round.
@@ -26,8 +26,8 @@ const RESTS: f64 = 1e-10;
 /// # Errors
 /// Those of `solve`.
 pub(crate) fn fixed_point(
-    start: Lens,
-    solve: impl Fn(&Lens) -> Result<Intrinsics, Error>,
+    start: PlacedLens,
+    solve: impl Fn(&PlacedLens) -> Result<Intrinsics, Error>,
 ) -> Result<FixedPoint, Error> {
     let mut lens = start;
     let mut slope: f64 = 0.0;
@@ -60,21 +60,20 @@ pub(crate) fn fixed_point(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::distortion::Distortion;
+    use crate::geometry::lens::Lens;
 
     #[test]
     fn a_linear_map_of_ln_f_is_solved_and_its_amplification_told() {
         // ln f -> a ln f + (1 - a) ln 700: fixed at 700, errors enlarged by 1 / (1 - a).
         let a = 0.6;
-        let solve = |lens: &Lens| {
+        let solve = |lens: &PlacedLens| {
             let f = (a * lens.intrinsics.fx.ln() + (1.0 - a) * 700f64.ln()).exp();
             Ok(Intrinsics::square(f, 320.0, 240.0))
         };
-        let start =
-            Lens { distortion: Distortion::radial(-0.1, 0.0), intrinsics: Intrinsics::square(1000.0, 300.0, 250.0) };
+        let start = PlacedLens { lens: Lens::radial(-0.1, 0.0), intrinsics: Intrinsics::square(1000.0, 300.0, 250.0) };
         let found = fixed_point(start, solve).expect("a fixed point");
         assert!((found.lens.intrinsics.fx / 700.0 - 1.0).abs() < 1e-9, "{found:?}");
         assert!((found.amplification - 2.5).abs() < 1e-6 && found.last_change < 1e-9, "{found:?}");
-        assert_eq!(found.lens.distortion, start.distortion);
+        assert_eq!(found.lens.lens, start.lens);
     }
 }

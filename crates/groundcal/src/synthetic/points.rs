@@ -8,10 +8,11 @@ use rand_pcg::Pcg64Mcg;
 use crate::{
     geometry::{
         attitude::{attitude_rotation, yaw_rotation},
-        distortion::Distortion,
+        camera::Camera,
         homography::Homography,
         intrinsics::Intrinsics,
-        plane_view::{View, project},
+        lens::Lens,
+        plane_view::View,
         size::ImageSize,
     },
     pairs::correspondence::{ImagePair, PointMatch},
@@ -85,7 +86,7 @@ pub struct PointScene {
     /// The camera, pixels.
     pub intrinsics: Intrinsics,
     /// The lens.
-    pub distortion: Distortion,
+    pub lens: Lens,
     /// The image.
     pub size: ImageSize,
     /// The motions.
@@ -120,7 +121,7 @@ impl PointScene {
         let attitudes: [(f64, f64); 3] = [(50.0, 0.0), (40.0, 30.0), (60.0, -40.0)];
         Self {
             intrinsics: Intrinsics::square(1000.0, 649.5, 469.5),
-            distortion: Distortion::default(),
+            lens: Lens::None,
             size: ImageSize::new(1280, 960),
             motions: attitudes
                 .iter()
@@ -156,11 +157,9 @@ impl PointScene {
         let [a, b] = self.motions[motion].views();
         let (w, h) = (self.size.width as f64, self.size.height as f64);
         let inside = |p: &Vector2<f64>| p.x >= 0.0 && p.y >= 0.0 && p.x <= w - 1.0 && p.y <= h - 1.0;
-        let back = (attitude_rotation(a.pitch_down_rad, a.roll_rad) * yaw_rotation(a.yaw_rad)).transpose();
-        let lens = |ideal: Vector2<f64>| {
-            let n = self.intrinsics.normalised_from_pixel(&ideal);
-            self.intrinsics.pixel_from_normalised(&self.distortion.distort(&n))
-        };
+        let [to_a, to_b] = [a, b].map(|v| attitude_rotation(v.pitch_down_rad, v.roll_rad) * yaw_rotation(v.yaw_rad));
+        let back = to_a.transpose();
+        let camera = Camera { size: self.size, intrinsics: self.intrinsics, lens: self.lens };
         let normal = |rng: &mut Pcg64Mcg| -> f64 { StandardNormal.sample(rng) };
         let mut out = SyntheticPair {
             pair: ImagePair { from: 2 * motion, to: 2 * motion + 1, matches: Vec::new() },
@@ -173,8 +172,7 @@ impl PointScene {
                 break;
             }
             let pixel = Vector2::new(rng.random_range(0.0..w - 1.0), rng.random_range(0.0..h - 1.0));
-            let Some(ideal) = self.distortion.undistort_pixel(&self.intrinsics, &pixel) else { continue };
-            let ray = back * self.intrinsics.ray(&ideal);
+            let Some(ray) = camera.unproject(&pixel).map(|ray| back * ray) else { continue };
             if ray.z >= 0.0 {
                 continue;
             }
@@ -183,7 +181,8 @@ impl PointScene {
             if (point - a.centre.xy()).norm() > self.reach * a.centre.z {
                 continue;
             }
-            let Some(in_b) = project(&self.intrinsics, &b, &point).map(lens).filter(inside) else { continue };
+            let from_b = to_b * (Vector3::new(point.x, point.y, 0.0) - b.centre);
+            let Some(in_b) = camera.project(&from_b).filter(inside) else { continue };
             let is_outlier = out.floor_points.len() < outliers;
             let mut noisy = |p: Vector2<f64>| p + Vector2::new(normal(&mut rng), normal(&mut rng)) * self.sigma_px;
             let seen_a = noisy(pixel);
@@ -201,12 +200,15 @@ impl PointScene {
     }
 }
 
+/// Cosine of the largest angle from the axis at which [`turning_pairs`] sees a point.
+const NEAREST_TO_EDGE_ON: f64 = 0.2;
+
 /// Matches of all pairs of views that turn on the spot before `count` points in all directions: `rotations` take the world's axes to
 /// each camera's. Pairs of fewer than 20 matches are left out.
 pub fn turning_pairs(
     rotations: &[Matrix3<f64>],
     k: &Intrinsics,
-    lens: &Distortion,
+    lens: &Lens,
     size: ImageSize,
     count: usize,
     sigma_px: f64,
@@ -226,10 +228,9 @@ pub fn turning_pairs(
                 .iter()
                 .map(|d| {
                     let x = r * d;
-                    let n = Vector2::new(x.x / x.z, x.y / x.z);
                     let noise = Vector2::new(normal(&mut rng), normal(&mut rng)) * sigma_px;
-                    let p = k.pixel_from_normalised(&lens.distort(&n)) + noise;
-                    (x.z > 0.2 && inside(&p)).then_some(p)
+                    let p = k.pixel_from_normalised(&lens.project(&x)?) + noise;
+                    (x.z > NEAREST_TO_EDGE_ON && inside(&p)).then_some(p)
                 })
                 .collect()
         })

@@ -3,7 +3,7 @@
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     floor::view::FloorView,
-    geometry::distortion::Distortion,
+    geometry::lens::Lens,
     pairs::correspondence::ImagePair,
     result::{Calibration, ViewParameter},
     synthetic::points::PointScene,
@@ -62,8 +62,7 @@ fn poses_horizons_and_distances_are_within_their_error_bars() {
                 errors.push((5, (height - 1.0) / height_sigma));
 
                 // A distance on the floor between two pixels, as the homography and as the whole view say it.
-                let exact =
-                    FloorView::new(&scene.intrinsics, Distortion::default(), &truth[1]).expect("over the floor");
+                let exact = FloorView::new(&scene.intrinsics, Lens::None, &truth[1]).expect("over the floor");
                 let view = FloorView::of_report(&c.camera, second).expect("over the floor");
                 let pixels = [Vector2::new(250.0, 500.0), Vector2::new(1000.0, 800.0)];
                 let points = pixels.map(|p| exact.floor_from_pixel(&p).expect("below the horizon"));

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test may end in a panic
 
 mod exact;
+mod fisheye;
 mod floor;
 mod homographies;
 mod plan;

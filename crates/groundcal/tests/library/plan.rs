@@ -6,8 +6,8 @@ use groundcal::{
     error::Error,
     geometry::{
         attitude::{angles_from_rotation, attitude_rotation, yaw_rotation},
-        distortion::Distortion,
         intrinsics::Intrinsics,
+        lens::Lens,
         plane_view::View,
         size::ImageSize,
     },
@@ -57,7 +57,7 @@ fn options(rig: Rig, motions: usize) -> PlanOptions {
     let [cx, cy] = SIZE.centre_px();
     PlanOptions {
         intrinsics: Intrinsics::square(1100.0, cx, cy),
-        distortion: Distortion::default(),
+        lens: Lens::None,
         size: SIZE,
         rig,
         noise_px: 0.3,
@@ -152,7 +152,7 @@ impl World {
         };
         let scene = PointScene {
             intrinsics: self.camera,
-            distortion: Distortion::default(),
+            lens: Lens::None,
             size: SIZE,
             motions: vec![motion],
             matches: count,
@@ -338,7 +338,7 @@ fn camera_of(c: &Calibration) -> Intrinsics {
 }
 
 fn covariance_of(c: &Calibration) -> Start {
-    Start::from_fn(|r, s| c.covariance(Parameter::ALL[r], Parameter::ALL[s]))
+    c.covariance.clone()
 }
 
 fn codes(warnings: &[Warning]) -> Vec<&str> {
@@ -401,8 +401,10 @@ fn options_out_of_range_are_refused() {
     for o in bad {
         assert!(matches!(Planner::new(&o, None), Err(Error::InvalidOption(_))), "{o:?}");
     }
-    for wrong in [Start::zeros(), -Start::identity(), Start::identity() * f64::NAN, Start::from_element(1.0)] {
-        assert!(matches!(Planner::new(&good(), Some(&wrong)), Err(Error::InvalidInput(_))), "{wrong}");
+    let diagonal = |v: f64| Start::from_fn(&Parameter::ALL, |r, c| if r == c { v } else { 0.0 });
+    let ones = Start::from_fn(&Parameter::ALL, |_, _| 1.0);
+    for wrong in [diagonal(0.0), diagonal(-1.0), diagonal(f64::NAN), ones] {
+        assert!(matches!(Planner::new(&good(), Some(&wrong)), Err(Error::InvalidInput(_))), "{wrong:?}");
     }
 }
 

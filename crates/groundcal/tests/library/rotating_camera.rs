@@ -3,7 +3,7 @@
 use groundcal::{
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     pairs::correspondence::ImagePair,
     result::{Calibration, LensSource, Scene},
     start::absolute_conic::Constraint,
@@ -24,7 +24,7 @@ fn view([pan, tilt, roll]: [f64; 3]) -> Matrix3<f64> {
 const PAN_TILT: [[f64; 3]; 6] =
     [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0], [-15.0, 12.0, 0.0], [8.0, -15.0, 0.0], [-20.0, -8.0, 0.0], [14.0, 14.0, 0.0]];
 
-fn pairs(views: &[[f64; 3]], lens: &Distortion, sigma_px: f64, seed: u64) -> Vec<ImagePair> {
+fn pairs(views: &[[f64; 3]], lens: &Lens, sigma_px: f64, seed: u64) -> Vec<ImagePair> {
     let rotations: Vec<Matrix3<f64>> = views.iter().map(|v| view(*v)).collect();
     turning_pairs(&rotations, &K, lens, SIZE, 4000, sigma_px, seed)
 }
@@ -49,7 +49,7 @@ fn codes(c: &Calibration) -> Vec<&str> {
 
 #[test]
 fn exact_matches_of_a_pan_tilt_head_give_the_camera() {
-    let pairs = pairs(&PAN_TILT, &Distortion::default(), 0.0, 1);
+    let pairs = pairs(&PAN_TILT, &Lens::None, 0.0, 1);
     for constraint in [Constraint::Auto, Constraint::ZeroSkew, Constraint::Full] {
         let c = calibrate(&pairs, rotating(constraint)).expect("a camera");
         assert!(errors(&c).iter().all(|e| e.abs() < 1e-6), "{}: {:?}", constraint.name(), errors(&c));
@@ -63,8 +63,7 @@ fn exact_matches_of_a_pan_tilt_head_give_the_camera() {
 
 #[test]
 fn error_bars_hold_with_and_without_a_lens() {
-    for (lens, model) in [(Distortion::default(), LensModel::None), (Distortion::radial(-0.12, 0.03), LensModel::K1K2)]
-    {
+    for (lens, model) in [(Lens::None, LensModel::None), (Lens::radial(-0.12, 0.03), LensModel::K1K2)] {
         let (mut within, mut all) = (0, 0);
         for seed in 0..25 {
             let options = Options { lens: model, ..rotating(Constraint::ZeroSkew) };
@@ -84,7 +83,7 @@ fn error_bars_hold_with_and_without_a_lens() {
 
 #[test]
 fn a_given_lens_is_undone() {
-    let lens = Distortion::radial(-0.12, 0.03);
+    let lens = Lens::radial(-0.12, 0.03);
     let options = Options { distortion: lens, ..rotating(Constraint::ZeroSkew) };
     let c = calibrate(&pairs(&PAN_TILT, &lens, 0.0, 4), options).expect("a camera");
     assert!(errors(&c).iter().all(|e| e.abs() < 1e-3), "{:?}", errors(&c));
@@ -99,15 +98,14 @@ fn turns_about_one_axis_are_refused_by_its_name() {
         (about(|a| [0.0, a, 0.0]), "(a tilt)", "fx"),
         (about(|a| [0.0, 0.0, a]), "(a roll)", "focal length"),
     ] {
-        let error = calibrate(&pairs(&views, &Distortion::default(), 0.3, 2), rotating(Constraint::Auto))
-            .expect_err("one axis");
+        let error = calibrate(&pairs(&views, &Lens::None, 0.3, 2), rotating(Constraint::Auto)).expect_err("one axis");
         let text = error.to_string();
         assert!(matches!(error, Error::Undetermined { .. }) && text.contains(named) && text.contains(free), "{text}");
     }
     // Square pixels make up for a pan.
     let pan = about(|a| [a, 0.0, 0.0]);
     let options = Options { aspect: Some(K.fy / K.fx), ..rotating(Constraint::Square) };
-    let c = calibrate(&pairs(&pan, &Distortion::default(), 0.0, 2), options).expect("a camera");
+    let c = calibrate(&pairs(&pan, &Lens::None, 0.0, 2), options).expect("a camera");
     assert!(errors(&c)[0].abs() < 1e-6, "{:?}", errors(&c));
 }
 
@@ -138,7 +136,7 @@ fn a_camera_that_moves_is_refused_or_warned_of() {
 
 #[test]
 fn options_without_meaning_are_refused() {
-    let pairs = pairs(&PAN_TILT, &Distortion::default(), 0.3, 1);
+    let pairs = pairs(&PAN_TILT, &Lens::None, 0.3, 1);
     for options in [
         Options { attitude_sigma_deg: Some(1.0), ..rotating(Constraint::Auto) },
         Options { height_sigma: Some(0.1), ..rotating(Constraint::Auto) },

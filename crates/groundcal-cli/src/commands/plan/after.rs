@@ -5,7 +5,6 @@ use std::path::Path;
 use groundcal::{
     calibrate::Options,
     error::Error,
-    geometry::distortion::Distortion,
     plan::{PlanOptions, Planner, Start, after, carriers::CarrierMotion},
     result::Calibration,
 };
@@ -52,7 +51,7 @@ impl Known {
         let assumed = after::options(&self.calibration);
         let mut options = PlanOptions {
             intrinsics: camera.intrinsics(),
-            distortion: Distortion::try_from(&camera.lens())?,
+            lens: camera.lens(),
             size: camera.size(),
             rig: motion.rig(),
             noise_px: args.noise_px.or_else(|| after::noise_px(&self.calibration)).unwrap_or(DEFAULT_NOISE_PX),

@@ -8,7 +8,7 @@ use std::fmt::Write;
 use clap::ValueEnum;
 use groundcal::{
     calibrate::Options,
-    geometry::{distortion::Distortion, intrinsics::Intrinsics, size::ImageSize},
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     plan::{
         PlanOptions, Planner,
         carriers::{Carrier, CarrierMotion, MAX_TURN_DEG, turns_up_to_deg},
@@ -93,10 +93,10 @@ fn fresh(args: &PlanArgs, carrier: Carrier, motion: &CarrierMotion) -> Result<Pl
         (None, Some(degrees)) => return Err(CliError::Usage(format!("--hfov-deg {degrees}: give 1 to 170 degrees"))),
         (None, None) => width,
     };
-    let [cx, cy] = args.principal_point.unwrap_or(size.centre_px());
+    let [cx, cy] = Frame::new(size, args.principal_point).origin_px.into();
     Ok(PlanOptions {
         intrinsics: Intrinsics::square(f, cx, cy),
-        distortion: Distortion::default(),
+        lens: Lens::None,
         size,
         rig: motion.rig(),
         noise_px: args.noise_px.unwrap_or(DEFAULT_NOISE_PX),

@@ -2,7 +2,7 @@
 
 use groundcal::{
     floor::view::{FloorGrid, FloorView},
-    geometry::{plane_view::View, size::ImageSize},
+    geometry::{homography::Homography, plane_view::View, size::ImageSize},
     numerics::graph::components,
     remedy::Wording,
     result::{
@@ -256,15 +256,10 @@ fn carried(p: &PairEvidence, e: &Evidence, a: Vector2<f64>) -> Option<Vector2<f6
 }
 
 fn transferred(h: &Matrix3<f64>, e: &Evidence, a: &Vector2<f64>) -> Option<Vector2<f64>> {
-    let ideal = match &e.lens {
-        Some(lens) => lens.ideal_point(a)?,
-        None => *a,
-    };
-    let q = h * Vector3::new(ideal.x, ideal.y, 1.0);
-    let b = (q.z > 0.0).then(|| Vector2::new(q.x / q.z, q.y / q.z))?;
+    let h = Homography::new(*h).ok()?;
     match &e.lens {
-        Some(lens) => lens.real_point(&b),
-        None => Some(b),
+        Some(lens) => lens.carried(&h, a),
+        None => h.apply(a),
     }
 }
 

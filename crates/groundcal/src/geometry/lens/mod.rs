@@ -136,6 +136,44 @@ impl Lens {
         self.max_angle_rad() > std::f64::consts::FRAC_PI_2
     }
 
+    /// The same lens where lengths are in units of a focal length `ratio` times as long: a pixel keeps its ray's direction across the
+    /// axis in pixels. With u the ideal point in pixels, the terms of Brown-Conrady are u k1 u²/f², u k2 u⁴/f⁴, u k3 u⁶/f⁶ and
+    /// p u²/f, that of the division model λ u²/f²: the coefficients grow as f², f⁴, f⁶, f and f². `None` for the fisheye, whose
+    /// angles have no such family.
+    pub fn for_focal_length_times(&self, ratio: f64) -> Option<Self> {
+        let square = ratio * ratio;
+        match self {
+            Self::None => Some(Self::None),
+            Self::Radtan(lens) => {
+                let [k1, k2, p1, p2, k3] = lens.parameters();
+                let scaled = [k1 * square, k2 * square * square, p1 * ratio, p2 * ratio, k3 * square.powi(3)];
+                Some(Self::Radtan(Radtan::new(scaled)))
+            }
+            Self::Division(lens) => {
+                let [lambda] = lens.parameters();
+                Some(Self::Division(Division::new(lambda * square)))
+            }
+            Self::Fisheye(_) => None,
+        }
+    }
+
+    /// Distorted to ideal normalised coordinates (X/Z, Y/Z); `None` for what lies square to the axis, behind or beyond the fold.
+    pub fn undistort(&self, point: &Vector2<f64>) -> Option<Vector2<f64>> {
+        match self {
+            Self::None => Some(*point),
+            Self::Radtan(lens) => lens.undistort(point),
+            Self::Division(_) | Self::Fisheye(_) => radtan::ideal_point(&self.unproject(point)?),
+        }
+    }
+
+    /// Ideal to distorted normalised coordinates; `None` beyond the fold.
+    pub fn distort(&self, point: &Vector2<f64>) -> Option<Vector2<f64>> {
+        match self {
+            Self::Radtan(lens) => lens.distort(point),
+            _ => self.project(&point.push(1.0)),
+        }
+    }
+
     /// The point (distorted normalised coordinates) of a ray of any length; `None` where the model describes none.
     pub fn project(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
         match self {

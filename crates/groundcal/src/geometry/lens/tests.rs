@@ -223,3 +223,37 @@ fn wide_lenses_see_square_to_the_axis_and_behind() {
     }
     assert!(!Lens::None.sees_behind() && !Lens::radial(-0.1, 0.2).sees_behind());
 }
+
+#[test]
+fn through_another_focal_length_a_pixel_keeps_its_ideal_pixel() {
+    let (f, other) = (800.0, 500.0);
+    for lens in lenses() {
+        let Some(scaled) = lens.for_focal_length_times(other / f) else {
+            assert!(matches!(lens, Lens::Fisheye(_)), "{lens:?}");
+            continue;
+        };
+        assert_eq!(scaled.name(), lens.name());
+        for pixel in [Vector2::new(30.0, 20.0), Vector2::new(-220.0, 90.0), Vector2::new(100.0, -310.0)] {
+            let ideal = |lens: &Lens, f: f64| lens.undistort(&(pixel / f)).map(|p| p * f);
+            match (ideal(&lens, f), ideal(&scaled, other)) {
+                (Some(a), Some(b)) => assert!((a - b).norm() < 1e-9 * a.norm(), "{lens:?} {pixel} {a} {b}"),
+                (a, b) => assert_eq!(a, b, "{lens:?} {pixel}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn ideal_points_are_those_of_the_rays() {
+    for lens in lenses() {
+        for point in [Vector2::new(0.0, 0.0), Vector2::new(0.3, -0.2), Vector2::new(-0.1, 0.45)] {
+            let Some(ray) = lens.unproject(&point) else { continue };
+            let ideal = lens.undistort(&point);
+            assert_eq!(ideal.is_some(), ray.z > 1e-9, "{lens:?} {point}");
+            let Some(ideal) = ideal else { continue };
+            assert!((ideal - ray.xy() / ray.z).norm() < 1e-12 * (1.0 + ideal.norm()));
+            let back = lens.distort(&ideal).expect("inside");
+            assert!((back - point).norm() < 1e-12 * (1.0 + ideal.norm()), "{lens:?} {point} {back}");
+        }
+    }
+}

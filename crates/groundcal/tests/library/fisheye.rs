@@ -1,0 +1,109 @@
+//! A lens that is given, of a model that sees to both sides and behind: pixels pass through rays.
+
+use groundcal::{
+    calibrate::{Method, Options, calibrate_matches},
+    error::Error,
+    geometry::{
+        camera::Camera,
+        constraint::Constraint,
+        intrinsics::Intrinsics,
+        lens::{Fisheye, Lens},
+        size::ImageSize,
+    },
+    observer::Silent,
+    pairs::correspondence::ImagePair,
+    result::{Calibration, LensSource, Parameter},
+    synthetic::points::PointScene,
+};
+
+const SIZE: ImageSize = ImageSize { width: 1000, height: 1000 };
+
+/// 180 degrees across the image, 250 to its corners.
+fn scene(sigma_px: f64, seed: u64) -> PointScene {
+    PointScene {
+        intrinsics: Intrinsics::square(316.0, 506.5, 494.5),
+        lens: Lens::Fisheye(Fisheye::new([0.02, -0.005, 0.002, -0.0004])),
+        size: SIZE,
+        matches: 300,
+        sigma_px,
+        ..PointScene::nominal(seed)
+    }
+}
+
+fn pairs(scene: &PointScene) -> Vec<ImagePair> {
+    scene.pairs().into_iter().map(|p| p.pair).collect()
+}
+
+/// Told the lens and a camera matrix that is 2 % off.
+fn options(scene: &PointScene) -> Options {
+    let k = &scene.intrinsics;
+    Options {
+        distortion: scene.lens,
+        distortion_camera: Some(Intrinsics {
+            cx: k.cx - 5.0,
+            cy: k.cy + 4.0,
+            ..Intrinsics::square(1.02 * k.fx, 0.0, 0.0)
+        }),
+        ..Options::default()
+    }
+}
+
+fn calibrated(scene: &PointScene, options: &Options) -> Calibration {
+    let names: Vec<String> = (0..2 * scene.motions.len()).map(|i| format!("{i}.png")).collect();
+    calibrate_matches(&names, SIZE, &pairs(scene), options, &Silent).expect("a camera")
+}
+
+/// Relative errors of fx, fy and of the principal point in focal lengths.
+fn errors(c: &Calibration) -> [f64; 4] {
+    let k = c.camera.intrinsics();
+    [k.fx / 316.0 - 1.0, k.fy / 316.0 - 1.0, (k.cx - 506.5) / 316.0, (k.cy - 494.5) / 316.0]
+}
+
+#[test]
+fn matches_at_and_beyond_90_degrees_bring_the_camera_back() {
+    let exact = scene(0.0, 1);
+    let camera = Camera { size: SIZE, intrinsics: exact.intrinsics, lens: exact.lens };
+    let behind = |p| camera.unproject(&p).expect("a ray").z < 0.0;
+    let count = pairs(&exact).iter().flat_map(|p| &p.matches).filter(|m| behind(m.a) || behind(m.b)).count();
+    assert!(count > 60, "{count} matches behind the camera's plane");
+    // A thousandth of a pixel, as 900 matches average it.
+    let nearly = scene(1e-3, 1);
+    for (method, scene, tolerance) in [(Method::Linear, &exact, 1e-9), (Method::Joint, &nearly, 1e-5)] {
+        let c = calibrated(scene, &Options { method, constraint: Constraint::ZeroSkew, ..options(scene) });
+        assert_eq!(c.method, method, "{:?}", c.warnings);
+        assert!(errors(&c).iter().all(|e| e.abs() < tolerance), "{method:?} {:?}", errors(&c));
+        assert_eq!((c.camera.lens(), c.camera.distortion.source), (scene.lens, LensSource::Given));
+        assert!(c.motions.iter().all(|m| m.used && m.matches > 290), "{:?}", c.motions);
+    }
+}
+
+#[test]
+fn error_bars_hold_with_noise() {
+    let all = [Parameter::Fx, Parameter::Fy, Parameter::Cx, Parameter::Cy];
+    for method in [Method::Joint, Method::Linear] {
+        let mut squares = 0.0;
+        for seed in 0..6 {
+            let scene = scene(0.3, 10 + seed);
+            let c = calibrated(&scene, &Options { method, ..options(&scene) });
+            assert_eq!(c.method, method, "{:?}", c.warnings);
+            for (p, error) in all.into_iter().zip(errors(&c)) {
+                let sd = c.standard_deviation(p).expect("estimated");
+                let z = error * 316.0 / sd;
+                assert!(z.abs() < 4.0 && sd < 3.0, "{method:?} seed {seed}: {p} {z:.2} deviations of {sd}");
+                squares += z * z;
+            }
+        }
+        println!("{method:?}: chi-squared {squares:.1} of 24 numbers");
+        // 99.9 % of chi-squared lies below 51.2, and above 7.5.
+        assert!(squares < 51.2, "{method:?} {squares}");
+    }
+}
+
+#[test]
+fn a_lens_of_a_wide_model_needs_the_camera_through_which_it_acts() {
+    let scene = scene(0.3, 1);
+    let options = Options { distortion_camera: None, ..options(&scene) };
+    let names: Vec<String> = (0..6).map(|i| i.to_string()).collect();
+    let error = calibrate_matches(&names, SIZE, &pairs(&scene), &options, &Silent).expect_err("no camera matrix");
+    assert!(matches!(&error, Error::InvalidOption(text) if text.contains("fisheye")), "{error}");
+}
