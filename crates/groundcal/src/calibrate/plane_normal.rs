@@ -6,19 +6,21 @@ use crate::{
         departures::departures_found,
         matter::RefinementOptions,
         options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
+        prior_conflicts::WIDE_LN_ASPECT,
         solved::{Solved, share_of},
         soundness::{check_field_of_view, refine_until_sound},
         stage_options::StageOptions,
     },
     error::Error,
+    geometry::constraint::Constraint,
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::Warning,
-    select::selection::Selection,
+    select::{attitude_groups::Motion, selection::Selection},
     start::{
         from_pairs::camera_of_motions_through,
         lens_uncertainty::covariance_of_lens,
-        linear_camera::{CameraOptions, check_certainty, solve_camera_until},
+        linear_camera::{CameraOptions, CameraSolution, check_certainty, solve_camera_until},
     },
 };
 
@@ -35,7 +37,7 @@ pub(super) fn solve_plane_normal(
 ) -> Result<Solved, Error> {
     let (options, frame) = (stages.options, &stages.frame);
     let camera = camera_options(pairs, selection, stages);
-    let mut solution = solve_camera_until(&selection.motions(pairs), frame, &camera, observer)?;
+    let mut solution = first_camera(&selection.motions(pairs), &camera, stages, observer)?;
     let mut refinement = RefinementOptions {
         frame: *frame,
         k2_is_held: options.lens == LensModel::K1,
@@ -87,6 +89,29 @@ pub(super) fn solve_plane_normal(
         amplification,
         warnings,
     })
+}
+
+/// The camera to start from. Where square pixels leave none that is certain, the refinement, which tries the prior of the aspect ratio
+/// against the matches, starts from one without.
+///
+/// # Errors
+/// See [`solve_camera_until`].
+fn first_camera(
+    motions: &[Motion],
+    camera: &CameraOptions,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<CameraSolution, Error> {
+    let error = match solve_camera_until(motions, &stages.frame, camera, observer) {
+        Err(error) if error.is_degenerate() => error,
+        answer => return answer,
+    };
+    if stages.options.method != Method::Joint || camera.constraint != Constraint::Auto {
+        return Err(error);
+    }
+    let any_aspect = CameraOptions { aspect_sigma: WIDE_LN_ASPECT, ..camera.clone() };
+    solve_camera_until(motions, &stages.frame, &any_aspect, observer)
+        .map_err(|other| if other == Error::Stopped { other } else { error })
 }
 
 /// A single motion before a background that stands still is a thing moved before a fixed camera, by an arm or by hand: its axis

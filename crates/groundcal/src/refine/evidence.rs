@@ -59,7 +59,8 @@ impl Evidence {
         let of_kind = |k: usize| {
             let (count, variance) = self.residuals[k];
             let (_, before) = other.residuals[k];
-            let effect = self.design_effects[k].max(other.design_effects[k]);
+            // What neighbours have in common under the other model and not under this one is what this one explains.
+            let effect = self.design_effects[k];
             let ln = |v: f64| v.max(LEAST_VARIANCE).ln();
             count / effect * (ln(before) - ln(variance))
         };
