@@ -6,7 +6,7 @@ use crate::{
     geometry::{frame::Frame, intrinsics::Intrinsics},
     numerics::levenberg_marquardt::StopReason,
     refine::{
-        blocks::{CameraState, MATRIX, RIG_POSE, RigPose, State},
+        blocks::{CameraState, CameraUnknowns, MATRIX, RIG_POSE, RigPose, State},
         residual::SceneModel,
         tracks::KINDS,
         variance_components::Component,
@@ -133,6 +133,8 @@ pub struct Bundle {
     pub state: State,
     /// One a camera.
     pub cameras: Vec<CameraEstimate>,
+    /// What was estimated of each in the end, with its priors.
+    pub unknowns: Vec<CameraUnknowns>,
     /// Where each camera sits in the rig.
     pub rig: Vec<RigEstimate>,
     /// One a group.

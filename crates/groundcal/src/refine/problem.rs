@@ -133,6 +133,17 @@ impl Problem {
         }
     }
 
+    /// The same observations, weights and components with other unknowns.
+    pub(crate) fn with(&self, i: &Ingredients<'_>) -> Self {
+        Self {
+            seen: self.seen.clone(),
+            attitude_sigma_rad: self.attitude_sigma_rad,
+            height_sigma: self.height_sigma,
+            weights: self.weights,
+            ..Self::new(i)
+        }
+    }
+
     /// Observations.
     pub fn observations(&self) -> usize {
         self.seen.iter().map(Vec::len).sum()
