@@ -24,13 +24,14 @@ pub(crate) struct ThreadsArg {
 /// [`LensModel`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DistortionArg {
-    /// k1 and k2, with priors 0 +- 0.3: what the images do not tell of them stays at zero, with its error bar
+    /// k1 and k2, with priors 0 +- 0.3, p1 and p2, with priors 0 +- 0.001: what the images do not tell of them stays at zero, with its
+    /// error bar; k3 (prior 0 +- 0.3) where the residuals ask for it
     Auto,
     /// Nothing: the lens has none
     None,
-    /// k1
+    /// k1, p1 and p2
     K1,
-    /// k1 and k2
+    /// The same as `auto`
     K1k2,
 }
 

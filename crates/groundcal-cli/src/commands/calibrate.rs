@@ -74,8 +74,8 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "A", allow_negative_numbers = true)]
     pub(crate) aspect: Option<f64>,
 
-    /// What is known of a parameter beforehand, as fx, aspect, cx, cy, skew, k1 or k2 = VALUE+-SIGMA in pixels (aspect, k1, k2: no
-    /// unit); takes the place of the prior of `auto`. May be repeated
+    /// What is known of a parameter beforehand, as fx, aspect, cx, cy, skew, k1, k2, p1, p2 or k3 = VALUE+-SIGMA in pixels
+    /// (aspect and those of the lens: no unit); takes the place of the prior of `auto`. May be repeated
     #[arg(long, value_name = "NAME=VALUE+-SIGMA", value_parser = parse_prior)]
     pub(crate) prior: Vec<GivenPrior>,
 

@@ -157,7 +157,7 @@ fn scaled(camera: Camera, size: ImageSize) -> Result<(Camera, Option<[usize; 2]>
     let factor = |p: Parameter| match p {
         Parameter::Fx | Parameter::Cx | Parameter::Skew => sx,
         Parameter::Fy | Parameter::Cy => sy,
-        Parameter::K1 | Parameter::K2 => 1.0,
+        Parameter::K1 | Parameter::K2 | Parameter::P1 | Parameter::P2 | Parameter::K3 => 1.0,
     };
     let covariance = camera.covariance.map(|mut c| {
         c.scale(factor);

@@ -28,11 +28,11 @@ fn csv(source: &Source) -> String {
         ("Skew", k.skew, sigma(Parameter::Skew), "px"),
         ("RadialDistortion_1", k1, sigma(Parameter::K1), "1"),
         ("RadialDistortion_2", k2, sigma(Parameter::K2), "1"),
-        ("TangentialDistortion_1", p1, None, "1"),
-        ("TangentialDistortion_2", p2, None, "1"),
+        ("TangentialDistortion_1", p1, sigma(Parameter::P1), "1"),
+        ("TangentialDistortion_2", p2, sigma(Parameter::P2), "1"),
     ];
     if k3 != 0.0 {
-        rows.insert(9, ("RadialDistortion_3", k3, None, "1"));
+        rows.insert(9, ("RadialDistortion_3", k3, sigma(Parameter::K3), "1"));
     }
     let mut out = String::from("parameter,value,standard_deviation,unit\n");
     for (name, value, sigma, unit) in rows {

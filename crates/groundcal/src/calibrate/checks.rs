@@ -10,7 +10,7 @@ use crate::{
     ids::{ImageId, PairId},
     numerics::statistics::chi_squared_survival,
     pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
-    result::{PrincipalPointDoubt, Warning},
+    result::{Parameter, PrincipalPointDoubt, Warning},
     start::linear_camera::PriorUse,
 };
 
@@ -97,7 +97,7 @@ pub(super) fn large_uncertainty(percent: f64) -> Option<Warning> {
 fn uncertain_lens(solved: &Solved, lens: &LensResult) -> Option<Warning> {
     let solution = &solved.solution;
     let percent = 100.0 * solved.lens_share * solution.covariance_px[(0, 0)].sqrt() / solution.intrinsics.fx;
-    let k1_sigma = lens.k1_sigma?;
+    let k1_sigma = lens.sigma(Parameter::K1)?;
     (solved.lens_share > LENS_RULES && percent > LENS_MATTERS_PERCENT)
         .then_some(Warning::DistortionUncertain { percent, k1_sigma })
 }

@@ -163,7 +163,7 @@ impl Joint {
         let (chi_squared, degrees_of_freedom) = self.bundle.agreement;
         let CameraEstimate { state, covariance } = &self.bundle.cameras[0];
         let ratio = |i: usize, sigma: f64| covariance[(i, i)].max(0.0).sqrt() / sigma;
-        let unknowns = &options.cameras[0];
+        let unknowns = &self.bundle.unknowns[0];
         let of_camera = start.priors.into_iter().map(|p| {
             let index = PriorParameter::ALL.iter().position(|n| *n == p.parameter);
             let known = index.and_then(|i| Some(ratio(i, unknowns.prior(i)?.1)));

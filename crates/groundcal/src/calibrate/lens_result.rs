@@ -12,26 +12,22 @@ use crate::{
 pub(super) struct LensResult {
     pub(super) source: LensSource,
     pub(super) lens: Lens,
-    pub(super) k1_sigma: Option<f64>,
-    pub(super) k2_sigma: Option<f64>,
+    /// Standard deviations of those that were estimated.
+    sigmas: Vec<(Parameter, f64)>,
 }
 
 impl LensResult {
     pub(super) fn new(known: &KnownLens, joint: Option<&Joint>, s: &CameraSolution) -> Self {
-        let held = |source, lens| Self { source, lens, k1_sigma: None, k2_sigma: None };
+        let held = |source, lens| Self { source, lens, sigmas: Vec::new() };
         match (known, joint) {
             (KnownLens::NotModelled, _) => held(LensSource::NotModelled, Lens::None),
             (KnownLens::Given(lens), _) => held(LensSource::Given, lens.lens),
             (KnownLens::Placed(placement), _) => held(LensSource::Given, placement.lens.lens),
             (KnownLens::Estimated(_), Some(joint)) => {
                 // What is not estimated has no variance.
-                let sigma = |p: Parameter| Some(joint.covariance_of(p, p).sqrt()).filter(|s| *s > 0.0);
-                Self {
-                    source: LensSource::Estimated,
-                    lens: joint.lens,
-                    k1_sigma: sigma(Parameter::K1),
-                    k2_sigma: sigma(Parameter::K2),
-                }
+                let sigma = |p: Parameter| Some((p, joint.covariance_of(p, p).sqrt())).filter(|(_, s)| *s > 0.0);
+                let of_lens = Parameter::ALL.into_iter().filter(|p| p.is_of_lens());
+                Self { source: LensSource::Estimated, lens: joint.lens, sigmas: of_lens.filter_map(sigma).collect() }
             }
             (KnownLens::Estimated(finding), None) => {
                 let k = &s.intrinsics;
@@ -41,13 +37,17 @@ impl LensResult {
                 let [k1, k2] = ["k1", "k2"].map(|name| lens.parameter(name).unwrap_or(0.0));
                 // The residuals see k1 / f² and k2 / f⁴: what is unknown of f adds.
                 let [k1_sigma, k2_sigma] = finding.sigmas(k);
-                Self {
-                    source: LensSource::Estimated,
-                    lens,
-                    k1_sigma: Some(k1_sigma.hypot(2.0 * k1 * ln_f_sigma)),
-                    k2_sigma: Some(k2_sigma.hypot(4.0 * k2 * ln_f_sigma)),
-                }
+                let sigmas = vec![
+                    (Parameter::K1, k1_sigma.hypot(2.0 * k1 * ln_f_sigma)),
+                    (Parameter::K2, k2_sigma.hypot(4.0 * k2 * ln_f_sigma)),
+                ];
+                Self { source: LensSource::Estimated, lens, sigmas }
             }
         }
+    }
+
+    /// The standard deviation of a coefficient; `None`: it was not estimated.
+    pub(super) fn sigma(&self, p: Parameter) -> Option<f64> {
+        self.sigmas.iter().find(|(q, _)| *q == p).map(|(_, sigma)| *sigma)
     }
 }

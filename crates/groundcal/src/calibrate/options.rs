@@ -5,7 +5,7 @@ use crate::{
     error::Error,
     geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     pairs::{
-        known_lens::{K1_SIGMA, K2_SIGMA},
+        known_lens::{K1_SIGMA, K2_SIGMA, K3_SIGMA, P_SIGMA},
         robust::RobustOptions,
     },
     refine::{BundleOptions, CameraUnknowns},
@@ -25,9 +25,10 @@ use crate::{
 pub enum LensModel {
     /// Nothing: the lens is taken to have no distortion, and the error bars do not cover it.
     None,
-    /// k1.
+    /// k1, p1 and p2.
     K1,
-    /// k1 and k2, each with a prior about zero: what the images do not tell stays there, with its error bar.
+    /// k1, k2, p1 and p2, each with a prior about zero: what the images do not tell stays there, with its error bar. k3 where the
+    /// residuals of the joint refinement ask for it.
     #[default]
     K1K2,
 }
@@ -246,7 +247,8 @@ impl Options {
             // `auto` holds the skew at zero unless it is told otherwise.
             PriorParameter::Skew => free[4] || self.constraint == Constraint::Auto,
             PriorParameter::K1 => lens_unknown && self.lens != LensModel::None,
-            PriorParameter::K2 => lens_unknown && self.lens == LensModel::K1K2,
+            PriorParameter::P1 | PriorParameter::P2 => lens_unknown && self.lens != LensModel::None,
+            PriorParameter::K2 | PriorParameter::K3 => lens_unknown && self.lens == LensModel::K1K2,
         }
     }
 
@@ -301,25 +303,39 @@ impl Options {
         self.refinement(size, &self.camera(size), self.lens_is_unknown())
     }
 
+    /// What is estimated of a lens of Brown-Conrady. Its decentring always is: else it is taken for the principal point.
+    fn free_lens(&self, unknowns: &mut CameraUnknowns) {
+        use PriorParameter::{K1, K2, K3, P1, P2};
+        for (of_lens, (parameter, sigma)) in
+            [(K1, K1_SIGMA), (K2, K2_SIGMA), (P1, P_SIGMA), (P2, P_SIGMA), (K3, K3_SIGMA)].into_iter().enumerate()
+        {
+            let given = self.given_prior(parameter);
+            let prior = given.unwrap_or((0.0, sigma));
+            if !self.is_estimated(parameter) {
+                continue;
+            } else if parameter == K3 && given.is_none() {
+                unknowns.lens_on_demand.push((of_lens, prior));
+            } else {
+                unknowns.free_lens(of_lens, Some(prior));
+            }
+        }
+    }
+
     /// What the joint refinement is told, the closed-form camera having been told `camera`.
     pub(super) fn refinement(&self, size: ImageSize, camera: &CameraOptions, estimate_lens: bool) -> BundleOptions {
         let frame = self.frame(size);
         let k = self.constraint.free();
         let priors = camera.priors(&frame).0;
-        let (k1, k2) = (estimate_lens, estimate_lens && self.lens == LensModel::K1K2);
-        let lens_prior =
-            |free: bool, parameter, sigma: f64| free.then(|| self.given_prior(parameter).unwrap_or((0.0, sigma)));
         let image_half_sides = [size.width, size.height].map(|side| 0.5 * side as f64 / frame.scale_px);
-        let unknowns = CameraUnknowns {
+        let mut unknowns = CameraUnknowns {
             matrix_free: [k[0], k[1], k[2], k[3], k[4] || priors[4].is_some()],
             matrix_priors: priors,
-            lens_free: vec![k1, k2],
-            lens_priors: vec![
-                lens_prior(k1, PriorParameter::K1, K1_SIGMA),
-                lens_prior(k2, PriorParameter::K2, K2_SIGMA),
-            ],
+            lens_free: Vec::new(),
             ..CameraUnknowns::new(frame, image_half_sides)
         };
+        if estimate_lens {
+            self.free_lens(&mut unknowns);
+        }
         BundleOptions {
             attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
             attitude_scale_rad: camera.attitude_sigma_rad,

@@ -69,11 +69,11 @@ pub(super) fn assemble(
 fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) -> Calibration {
     let (s, joint) = (&solved.solution, solved.joint.as_ref());
     let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
-    let covariance = |r: usize, c: usize| match joint {
-        Some(joint) => joint.covariance_of(Parameter::ALL[r], Parameter::ALL[c]),
-        None if r < 5 && c < 5 => s.covariance_px[(r, c)],
-        None if r == c => [lens.k1_sigma, lens.k2_sigma][r - 5].map_or(0.0, |v| v * v),
-        None => 0.0,
+    let covariance = |r: usize, c: usize| match (joint, Parameter::ALL[r], Parameter::ALL[c]) {
+        (Some(joint), a, b) => joint.covariance_of(a, b),
+        (None, a, b) if !a.is_of_lens() && !b.is_of_lens() => s.covariance_px[(r, c)],
+        (None, a, b) if a == b => lens.sigma(a).map_or(0.0, |v| v * v),
+        (None, ..) => 0.0,
     };
     let over_floor = joint.filter(|joint| joint.bundle.scene == SceneModel::Floor);
     Calibration {
@@ -87,8 +87,11 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
             cx: sd(2),
             cy: sd(3),
             skew: sd(4),
-            k1: lens.k1_sigma,
-            k2: lens.k2_sigma,
+            k1: lens.sigma(Parameter::K1),
+            k2: lens.sigma(Parameter::K2),
+            p1: lens.sigma(Parameter::P1),
+            p2: lens.sigma(Parameter::P2),
+            k3: lens.sigma(Parameter::K3),
         },
         covariance: Covariance::from_fn(&Parameter::ALL, covariance),
         constraint: solved.constraint,

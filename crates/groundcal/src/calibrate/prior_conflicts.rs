@@ -44,7 +44,7 @@ const WIDE_SKEW: f64 = 0.05;
 const WIDER_LENS: f64 = 10.0;
 
 /// Numbers of the camera that are released together.
-const RELEASES: [&[usize]; 4] = [&[1], &[4], &[2, 3], &[5, 6]];
+const RELEASES: [&[usize]; 5] = [&[1], &[4], &[2, 3], &[5, 6], &[7, 8]];
 
 /// Places of a camera's block in the order of [`PriorParameter::ALL`].
 const ASPECT: usize = 1;
@@ -193,7 +193,9 @@ fn in_pixels(parameter: PriorParameter, (mean, sigma): (f64, f64), options: &Ref
         PriorParameter::Cx => (mean * frame.scale_px + frame.origin_px.x, sigma * frame.scale_px),
         PriorParameter::Cy => (mean * frame.scale_px + frame.origin_px.y, sigma * frame.scale_px),
         PriorParameter::Skew => (mean * frame.scale_px, sigma * frame.scale_px),
-        PriorParameter::K1 | PriorParameter::K2 => (mean, sigma),
+        PriorParameter::K1 | PriorParameter::K2 | PriorParameter::P1 | PriorParameter::P2 | PriorParameter::K3 => {
+            (mean, sigma)
+        }
     };
     GivenPrior { parameter, mean, sigma }
 }

@@ -23,12 +23,28 @@ pub enum Parameter {
     K1,
     /// Radial distortion, fourth order.
     K2,
+    /// Tangential distortion (decentring), along y.
+    P1,
+    /// Tangential distortion (decentring), along x.
+    P2,
+    /// Radial distortion, sixth order.
+    K3,
 }
 
 impl Parameter {
     /// All, in the order of every list of them.
-    pub const ALL: [Parameter; 7] =
-        [Parameter::Fx, Parameter::Fy, Parameter::Cx, Parameter::Cy, Parameter::Skew, Parameter::K1, Parameter::K2];
+    pub const ALL: [Parameter; 10] = [
+        Parameter::Fx,
+        Parameter::Fy,
+        Parameter::Cx,
+        Parameter::Cy,
+        Parameter::Skew,
+        Parameter::K1,
+        Parameter::K2,
+        Parameter::P1,
+        Parameter::P2,
+        Parameter::K3,
+    ];
 
     /// The name used on the command line and in files.
     pub fn name(self) -> &'static str {
@@ -40,12 +56,15 @@ impl Parameter {
             Parameter::Skew => "skew",
             Parameter::K1 => "k1",
             Parameter::K2 => "k2",
+            Parameter::P1 => "p1",
+            Parameter::P2 => "p2",
+            Parameter::K3 => "k3",
         }
     }
 
     /// Whether it belongs to the lens, and has no unit; the others are pixels.
     pub fn is_of_lens(self) -> bool {
-        matches!(self, Parameter::K1 | Parameter::K2)
+        matches!(self, Parameter::K1 | Parameter::K2 | Parameter::P1 | Parameter::P2 | Parameter::K3)
     }
 
     /// The parameter whose prior speaks of it: of fy that of the aspect ratio.
@@ -58,6 +77,9 @@ impl Parameter {
             Parameter::Skew => PriorParameter::Skew,
             Parameter::K1 => PriorParameter::K1,
             Parameter::K2 => PriorParameter::K2,
+            Parameter::P1 => PriorParameter::P1,
+            Parameter::P2 => PriorParameter::P2,
+            Parameter::K3 => PriorParameter::K3,
         }
     }
 }
@@ -86,11 +108,17 @@ pub enum PriorParameter {
     K1,
     /// Radial distortion, fourth order.
     K2,
+    /// Tangential distortion (decentring), along y.
+    P1,
+    /// Tangential distortion (decentring), along x.
+    P2,
+    /// Radial distortion, sixth order.
+    K3,
 }
 
 impl PriorParameter {
     /// All, in the order of the camera's numbers in the joint refinement ([`crate::refine`]).
-    pub const ALL: [PriorParameter; 7] = [
+    pub const ALL: [PriorParameter; 10] = [
         PriorParameter::Fx,
         PriorParameter::Aspect,
         PriorParameter::Cx,
@@ -98,6 +126,9 @@ impl PriorParameter {
         PriorParameter::Skew,
         PriorParameter::K1,
         PriorParameter::K2,
+        PriorParameter::P1,
+        PriorParameter::P2,
+        PriorParameter::K3,
     ];
 
     /// The name used on the command line and in files.
@@ -110,12 +141,21 @@ impl PriorParameter {
             PriorParameter::Skew => "skew",
             PriorParameter::K1 => "k1",
             PriorParameter::K2 => "k2",
+            PriorParameter::P1 => "p1",
+            PriorParameter::P2 => "p2",
+            PriorParameter::K3 => "k3",
         }
     }
 
     /// Whether it is in pixels; the others have no unit.
     pub fn is_in_pixels(self) -> bool {
-        !matches!(self, PriorParameter::Aspect | PriorParameter::K1 | PriorParameter::K2)
+        !(self == PriorParameter::Aspect || self.is_of_lens())
+    }
+
+    /// Whether it belongs to the lens.
+    pub fn is_of_lens(self) -> bool {
+        use PriorParameter::{K1, K2, K3, P1, P2};
+        matches!(self, K1 | K2 | P1 | P2 | K3)
     }
 }
 

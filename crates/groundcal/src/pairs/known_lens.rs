@@ -21,6 +21,10 @@ use crate::{
 /// Priors of k1 and k2, lenses from wide to long.
 pub(crate) const K1_SIGMA: f64 = 0.3;
 pub(crate) const K2_SIGMA: f64 = 0.3;
+/// Prior of k3, where the residuals ask for it.
+pub(crate) const K3_SIGMA: f64 = 0.3;
+/// Prior of p1 and p2: decentring of ordinary lenses is some 1e-4 to 1e-3.
+pub(crate) const P_SIGMA: f64 = 1e-3;
 /// Centre of distortion: deviation from the assumed principal point, as a fraction of the width, before it is known better.
 const CENTRE_SIGMA: f64 = 0.05;
 /// Pairs and matches of a pair that tell of the lens before the motions are known.

@@ -17,13 +17,15 @@ const LEAST_SHARED: f64 = 0.05;
 /// The covariance to start from.
 ///
 /// # Errors
-/// [`Error::InvalidInput`] where the calibration has none of all seven numbers.
+/// [`Error::InvalidInput`] where the calibration has none of the camera matrix, k1 and k2. Files of before have no other numbers.
 pub fn start(c: &Calibration) -> Result<Start, Error> {
     let fail = |what: String| Error::InvalidInput(format!("{what}. Calibrate again with this version of the program"));
     if !c.covariance.is_known() {
         return Err(fail("there is no covariance to start from".into()));
     }
-    if let Some(p) = Parameter::ALL.iter().find(|p| !c.covariance.parameters.contains(p)) {
+    let later = [Parameter::P1, Parameter::P2, Parameter::K3];
+    let missing = |p: &&Parameter| !later.contains(p) && !c.covariance.parameters.contains(p);
+    if let Some(p) = Parameter::ALL.iter().find(missing) {
         return Err(fail(format!("there is no {p} in the covariance")));
     }
     Ok(c.covariance.clone())

@@ -521,6 +521,9 @@ impl Planner {
                 skew: sd(Parameter::Skew),
                 k1: sd(Parameter::K1),
                 k2: sd(Parameter::K2),
+                p1: sd(Parameter::P1),
+                p2: sd(Parameter::P2),
+                k3: sd(Parameter::K3),
             },
             f_percent: 100.0 * variance.sqrt(),
             share: Shares {
@@ -583,8 +586,7 @@ impl Planner {
             }
         }
         // A good camera's aspect ratio and a lens without distortion are no news.
-        let matters =
-            |p: &&Prior| ![PriorParameter::Aspect, PriorParameter::K1, PriorParameter::K2].contains(&p.parameter);
+        let matters = |p: &&Prior| p.parameter != PriorParameter::Aspect && !p.parameter.is_of_lens();
         for p in priors.iter().filter(matters).filter(|p| p.posterior_over_prior > PRIOR_DECIDES) {
             out.push(Warning::PriorDecides { parameter: p.parameter, posterior_over_prior: p.posterior_over_prior });
         }

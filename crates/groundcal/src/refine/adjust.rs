@@ -17,6 +17,7 @@ use crate::{
         layout::Ingredients,
         problem::Problem,
         profile::profile_widening,
+        release::released,
         residual::SceneModel,
         reweight::Weighing,
         tracks::{KINDS, Track},
@@ -51,13 +52,17 @@ pub(crate) fn adjust_until(
     observer: &dyn Observer,
 ) -> Result<Bundle, Error> {
     let mut rounds = Rounds::new(scene, tracks, starts, options)?;
+    let mut last_round = options.rounds;
     for round in 1.. {
         let fit = rounds.minimised(observer)?;
         let weighing = rounds.weighing(&fit)?;
         let components = rounds.components.updated(&rounds.problem, &fit.out.state, &fit.factor, options);
         let rests = rounds.cameras_rest(&fit) & weighing.rests(rounds.effects) & components.rest(&rounds.components);
-        if rests || round >= options.rounds {
-            return rounds.finish(fit, &weighing, &components, observer);
+        if rests || round >= last_round {
+            if !rounds.release(&fit) {
+                return rounds.finish(fit, &weighing, &components, observer);
+            }
+            last_round = round + options.rounds;
         }
         rounds.advance(&fit, &weighing, components);
     }
@@ -180,6 +185,16 @@ impl<'a> Rounds<'a> {
         self.last = Some(fit.out.state.clone());
     }
 
+    /// Has a number more estimated where the residuals ask for it.
+    fn release(&mut self, fit: &Fit) -> bool {
+        let released = released(&self.problem, self.tracks, &fit.out.state);
+        let any = released.is_some();
+        if let Some(problem) = released {
+            self.problem = problem;
+        }
+        any
+    }
+
     /// Covariances and what else is reported.
     fn finish(
         self,
@@ -211,6 +226,7 @@ impl<'a> Rounds<'a> {
         Ok(Bundle {
             scene: problem.scene,
             cameras: with_departures(solution.cameras(), components),
+            unknowns: problem.cameras.clone(),
             rig: solution.rig(),
             groups: solution.groups(),
             views: solution.views(tracks, &squared_residuals),

@@ -271,6 +271,8 @@ pub struct CameraUnknowns {
     pub lens_free: Vec<bool>,
     /// Their priors.
     pub lens_priors: Vec<Option<Prior>>,
+    /// Numbers of the lens that are held unless the residuals ask for them, with the priors that they then have.
+    pub lens_on_demand: Vec<(usize, Prior)>,
     /// Which of the numbers of its pose in the rig are estimated; none of the first camera's are.
     pub rig_free: [bool; RIG_POSE],
 }
@@ -285,6 +287,7 @@ impl CameraUnknowns {
             matrix_priors: [None; MATRIX],
             lens_free: vec![true, true],
             lens_priors: Vec::new(),
+            lens_on_demand: Vec::new(),
             rig_free: [true; RIG_POSE],
         }
     }
@@ -306,6 +309,13 @@ impl CameraUnknowns {
                 self.lens_free[of_lens] = free;
             }
         }
+    }
+
+    /// Has a number of the lens estimated, with a prior or none.
+    pub fn free_lens(&mut self, of_lens: usize, prior: Option<Prior>) {
+        self.set_free(MATRIX + of_lens, true);
+        self.lens_priors.resize(self.lens_priors.len().max(of_lens + 1), None);
+        self.lens_priors[of_lens] = prior;
     }
 
     /// The prior of a number of the camera's block.

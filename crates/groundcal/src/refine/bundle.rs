@@ -6,7 +6,7 @@ use crate::{
     geometry::{frame::Frame, intrinsics::Intrinsics},
     numerics::levenberg_marquardt::StopReason,
     refine::{
-        blocks::{CameraState, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
+        blocks::{CameraState, CameraUnknowns, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
         evidence::Evidence,
         residual::SceneModel,
         tracks::KINDS,
@@ -134,6 +134,8 @@ pub struct Bundle {
     pub state: State,
     /// One a camera.
     pub cameras: Vec<CameraEstimate>,
+    /// What was estimated of each in the end, with its priors.
+    pub unknowns: Vec<CameraUnknowns>,
     /// Where each camera sits in the rig.
     pub rig: Vec<RigEstimate>,
     /// One a group.

@@ -10,7 +10,8 @@
 //! height (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood.
 //!
-//! The unknowns are [`blocks`]; the [`layout`] says where each stands. The points are eliminated ([`elimination`]); what is left is
+//! The unknowns are [`blocks`]; the [`layout`] says where each stands. Numbers of the lens that are held until the residuals ask for them
+//! are released by a score test (`release`). The points are eliminated ([`elimination`]); what is left is
 //! sparse ([`crate::numerics::skyline`]). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
 //! `covariance` and `profile`.
 
@@ -23,6 +24,7 @@ pub(crate) mod evidence;
 pub mod layout;
 pub mod problem;
 pub(crate) mod profile;
+pub(crate) mod release;
 pub mod residual;
 pub(crate) mod reweight;
 pub mod start;

@@ -62,6 +62,8 @@ pub struct Problem {
     pub attitude_sigma_rad: f64,
     /// Relative deviation of each frame's height from that of its group.
     pub height_sigma: f64,
+    /// Departures that are estimated.
+    pub(crate) departures_estimated: Vec<DepartureKind>,
     /// Deviation of each kind of departure.
     pub departure_sigmas: [f64; DepartureKind::ALL.len()],
     /// Factors on the information of the observations of each kind.
@@ -133,10 +135,23 @@ impl Problem {
             cameras: i.cameras.to_vec(),
             attitude_sigma_rad: STIFF,
             height_sigma: 1.0,
+            departures_estimated: i.departures.to_vec(),
             departure_sigmas: [1.0; DepartureKind::ALL.len()],
             weights: [1.0; KINDS],
             kinds: i.tracks.iter().map(|t| t.kind as usize).collect(),
             huber: i.huber,
+        }
+    }
+
+    /// The same observations, weights and components with other unknowns.
+    pub(crate) fn with(&self, i: &Ingredients<'_>) -> Self {
+        Self {
+            seen: self.seen.clone(),
+            attitude_sigma_rad: self.attitude_sigma_rad,
+            height_sigma: self.height_sigma,
+            departure_sigmas: self.departure_sigmas,
+            weights: self.weights,
+            ..Self::new(i)
         }
     }
 

@@ -20,7 +20,7 @@ use crate::{
 };
 
 /// The version of [`Calibration::schema_version`] that is written; older ones are read.
-pub const SCHEMA_VERSION: u32 = 2;
+pub const SCHEMA_VERSION: u32 = 3;
 /// The version of [`Calibration::format_version`] that is written and read.
 pub const FORMAT_VERSION: u32 = 1;
 /// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it.
@@ -71,7 +71,7 @@ pub struct Calibration {
     /// One standard deviation of each parameter; `None`: held fixed.
     #[serde(default)]
     pub standard_deviation: StandardDeviation,
-    /// Covariance of the parameters in pixels squared (k1, k2: no unit); rows of what was held are zero. The linear method leaves the
+    /// Covariance of the parameters in pixels squared (those of the lens: no unit); rows of what was held are zero. The linear method leaves the
     /// covariances between lens and camera zero.
     #[serde(default)]
     pub covariance: Covariance<Parameter>,
@@ -119,7 +119,7 @@ pub struct Calibration {
 }
 
 impl Calibration {
-    /// A number of the camera, in pixels (k1, k2: no unit).
+    /// A number of the camera, in pixels (those of the lens: no unit).
     pub fn value(&self, p: Parameter) -> f64 {
         self.camera.value(p)
     }

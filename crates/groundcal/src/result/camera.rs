@@ -128,7 +128,7 @@ impl Camera {
         ImageSize::new(self.image_size[0], self.image_size[1])
     }
 
-    /// A number of it, in pixels (k1, k2: no unit).
+    /// A number of it, in pixels (those of the lens: no unit).
     pub fn value(&self, p: Parameter) -> f64 {
         match p {
             Parameter::Fx => self.fx,
@@ -136,8 +136,7 @@ impl Camera {
             Parameter::Cx => self.cx,
             Parameter::Cy => self.cy,
             Parameter::Skew => self.skew,
-            Parameter::K1 => self.distortion.lens.parameter("k1").unwrap_or(0.0),
-            Parameter::K2 => self.distortion.lens.parameter("k2").unwrap_or(0.0),
+            of_lens => self.distortion.lens.parameter(of_lens.name()).unwrap_or(0.0),
         }
     }
 }
@@ -158,7 +157,7 @@ pub struct DistortionReport {
 pub struct Prior {
     /// The parameter.
     pub parameter: PriorParameter,
-    /// Mean, in pixels (`aspect`, `k1`, `k2`: no unit).
+    /// Mean, in pixels (`aspect` and what is of the lens: no unit).
     pub mean: f64,
     /// Standard deviation, same unit.
     pub sigma: f64,

@@ -63,7 +63,7 @@ impl<P: Copy + PartialEq> Covariance<P> {
     }
 }
 
-/// One standard deviation of each parameter, in pixels (k1, k2: none); `None`: held fixed or given.
+/// One standard deviation of each parameter, in pixels (those of the lens: none); `None`: held fixed or given.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub struct StandardDeviation {
@@ -74,6 +74,12 @@ pub struct StandardDeviation {
     pub skew: Option<f64>,
     pub k1: Option<f64>,
     pub k2: Option<f64>,
+    #[serde(default)]
+    pub p1: Option<f64>,
+    #[serde(default)]
+    pub p2: Option<f64>,
+    #[serde(default)]
+    pub k3: Option<f64>,
 }
 
 impl StandardDeviation {
@@ -87,6 +93,9 @@ impl StandardDeviation {
             Parameter::Skew => self.skew,
             Parameter::K1 => self.k1,
             Parameter::K2 => self.k2,
+            Parameter::P1 => self.p1,
+            Parameter::P2 => self.p2,
+            Parameter::K3 => self.k3,
         }
     }
 }

@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn names_of_camera_and_view_stand_in_one_list() {
         let text = serde_json::to_string(&ViewParameter::ALL).unwrap();
-        let names = "fx fy cx cy skew k1 k2 pitch_down_rad roll_rad yaw_rad x y height";
+        let names = "fx fy cx cy skew k1 k2 p1 p2 k3 pitch_down_rad roll_rad yaw_rad x y height";
         assert_eq!(text, format!("[{}]", names.split(' ').map(|n| format!("{n:?}")).collect::<Vec<_>>().join(",")));
         assert_eq!(serde_json::from_str::<Vec<ViewParameter>>(&text).unwrap(), ViewParameter::ALL);
     }

@@ -303,7 +303,7 @@ impl Warning {
                             ". Pixels that are not square, or pictures resized unequally, do that",
                         PriorParameter::Cx | PriorParameter::Cy => ". Pictures that were cropped do that",
                         PriorParameter::Skew => ". Pictures that were sheared or scanned do that",
-                        PriorParameter::Fx | PriorParameter::K1 | PriorParameter::K2 => "",
+                        _ => "",
                     }
                 )
             }

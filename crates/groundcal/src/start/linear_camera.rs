@@ -23,7 +23,7 @@ use crate::{
 
 pub use crate::geometry::parameters::PriorParameter;
 
-/// A Gaussian prior: mean and standard deviation in pixels (aspect, k1, k2: no unit).
+/// A Gaussian prior: mean and standard deviation in pixels (aspect and those of the lens: no unit).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GivenPrior {
     /// Of what.
@@ -119,8 +119,12 @@ impl CameraOptions {
                 PriorParameter::Cx => priors.0[2] = Some(((p.mean - frame.origin_px.x) / scale, p.sigma / scale)),
                 PriorParameter::Cy => priors.0[3] = Some(((p.mean - frame.origin_px.y) / scale, p.sigma / scale)),
                 PriorParameter::Skew => priors.0[4] = Some((p.mean / scale, p.sigma / scale)),
-                // Of the lens: the joint refinement has them.
-                PriorParameter::K1 | PriorParameter::K2 => {}
+                // The joint refinement has those of the lens.
+                PriorParameter::K1
+                | PriorParameter::K2
+                | PriorParameter::P1
+                | PriorParameter::P2
+                | PriorParameter::K3 => {}
             }
         }
         priors

@@ -1,6 +1,7 @@
 //! The camera's numbers with their error bars, and what determined each: the images or what was assumed.
 
 use groundcal::{
+    geometry::lens::Lens,
     numerics::statistics::NORMAL_95,
     result::{Calibration, Parameter, PriorParameter},
 };
@@ -51,6 +52,7 @@ pub(crate) fn camera(c: &Calibration) -> CameraNumbers {
     let fx = Parameter::Fx;
     let parameters = Parameter::ALL
         .into_iter()
+        .filter(|p| is_shown(c, *p))
         .map(|p| {
             let (value, sigma) = (c.value(p), c.standard_deviation(p));
             let correlation = c.covariance(fx, p) / (c.covariance(fx, fx) * c.covariance(p, p)).sqrt();
@@ -73,16 +75,24 @@ pub(crate) fn camera(c: &Calibration) -> CameraNumbers {
     CameraNumbers { image_size: c.camera.image_size, parameters, lens: lens(c) }
 }
 
+/// What was neither estimated nor is there is not shown, but for k1 and k2, the first things asked of a lens.
+fn is_shown(c: &Calibration, p: Parameter) -> bool {
+    let first = !p.is_of_lens() || [Parameter::K1, Parameter::K2].contains(&p);
+    first || c.standard_deviation(p).is_some() || c.value(p) != 0.0
+}
+
 fn prior_of(c: &Calibration, p: Parameter) -> Option<[f64; 2]> {
     let unit = if p.prior() == PriorParameter::Aspect { c.camera.fx } else { 1.0 };
     c.prior(p.prior()).map(|prior| [prior.mean * unit, prior.sigma * unit])
 }
 
-/// The radial displacement f (k1 ρ³ + k2 ρ⁵), ρ = r / f, out to the farthest corner.
+/// The radial displacement f (k1 ρ³ + k2 ρ⁵ + k3 ρ⁷), ρ = r / f, out to the farthest corner. Of Brown-Conrady alone: that of other models
+/// is no such sum.
 fn lens(c: &Calibration) -> Vec<LensPoint> {
-    let (k1, k2) = (Parameter::K1, Parameter::K2);
-    let (camera, value) = (&c.camera, [c.value(k1), c.value(k2)]);
-    if value == [0.0; 2] && c.standard_deviation.k1.is_none() {
+    const RADIAL: [(Parameter, i32); 3] = [(Parameter::K1, 3), (Parameter::K2, 5), (Parameter::K3, 7)];
+    let camera = &c.camera;
+    let none = RADIAL.iter().all(|(k, _)| c.value(*k) == 0.0) && c.standard_deviation.k1.is_none();
+    if none || !matches!(camera.lens(), Lens::None | Lens::Radtan(_)) {
         return Vec::new();
     }
     let [w, h] = camera.image_size.map(|s| s as f64 - 1.0);
@@ -91,14 +101,13 @@ fn lens(c: &Calibration) -> Vec<LensPoint> {
         .map(|i| {
             let radius_px = farthest * i as f64 / LENS_POINTS as f64;
             let rho = radius_px / camera.fx;
-            let [by_k1, by_k2] = [rho.powi(3), rho.powi(5)].map(|b| b * camera.fx);
-            let variance = by_k1 * by_k1 * c.covariance(k1, k1)
-                + 2.0 * by_k1 * by_k2 * c.covariance(k1, k2)
-                + by_k2 * by_k2 * c.covariance(k2, k2);
+            let by = RADIAL.map(|(k, power)| (k, rho.powi(power) * camera.fx));
+            let covariances =
+                by.iter().flat_map(|(a, by_a)| by.iter().map(move |(b, by_b)| by_a * by_b * c.covariance(*a, *b)));
             LensPoint {
                 radius_px,
-                outwards_px: by_k1 * value[0] + by_k2 * value[1],
-                sigma_px: variance.max(0.0).sqrt(),
+                outwards_px: by.iter().map(|(k, by_k)| by_k * c.value(*k)).sum(),
+                sigma_px: covariances.sum::<f64>().max(0.0).sqrt(),
             }
         })
         .collect()

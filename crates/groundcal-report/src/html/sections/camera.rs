@@ -45,7 +45,7 @@ fn row(p: &CameraNumber, c: &Calibration) -> Vec<String> {
     let dash = || NONE.to_string();
     let source = match (p.sigma, p.name) {
         (Some(_), _) => None,
-        (None, "k1" | "k2") => Some(c.camera.distortion.source.name()),
+        (None, _) if p.unit.is_empty() => Some(c.camera.distortion.source.name()),
         _ => Some("held"),
     };
     let relative = if p.unit == "px" {
@@ -90,6 +90,9 @@ fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
     let in_px = |p: &CameraNumber, s: f64| match p.name {
         "k1" => s * c.camera.fx * rho.powi(3),
         "k2" => s * c.camera.fx * rho.powi(5),
+        "k3" => s * c.camera.fx * rho.powi(7),
+        // Along their axis.
+        "p1" | "p2" => s * c.camera.fx * 3.0 * rho.powi(2),
         _ => s,
     };
     let free: Vec<&CameraNumber> = camera.parameters.iter().filter(|p| p.sigma.is_some_and(|s| s > 0.0)).collect();
@@ -125,7 +128,7 @@ fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
         "tick",
         [0.5 * (left + 500.0), bottom + 38.0],
         Anchor::Middle,
-        "standard deviation, px (k1, k2: their effect at the image's corner)",
+        "standard deviation, px (of the lens: their effect at the image's corner)",
     );
     let legend = format!(
         "<p class=\"legend\">{} assumed beforehand {} after the images</p>",

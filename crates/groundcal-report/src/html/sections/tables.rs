@@ -101,5 +101,5 @@ fn covariance(c: &Calibration) -> String {
             [r.to_string()].into_iter().chain(values).collect()
         })
         .collect();
-    table("Covariance of the camera's numbers (pixels squared; k1, k2 without unit)", &heads, &rows)
+    table("Covariance of the camera's numbers (pixels squared; those of the lens without unit)", &heads, &rows)
 }
