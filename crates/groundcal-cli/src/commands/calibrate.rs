@@ -26,8 +26,8 @@ use groundcal_report::{
 
 use crate::{
     args::{
-        ConstraintArg, DistortionArg, FormatArg, OverwriteArg, ThreadsArg, parse_height, parse_point, parse_prior,
-        parse_size,
+        ConstraintArg, DistortionArg, FormatArg, MotionArg, OverwriteArg, ThreadsArg, parse_height, parse_point,
+        parse_prior, parse_size,
     },
     error::CliError,
     output::{self, Results},
@@ -55,6 +55,10 @@ pub(crate) struct CalibrateArgs {
     /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
     #[arg(long, value_name = "FILE")]
     pub(crate) pairs: Option<PathBuf>,
+
+    /// How the camera moved
+    #[arg(long, value_enum, default_value_t = MotionArg::Auto)]
+    pub(crate) motion: MotionArg,
 
     /// What to assume of the camera matrix
     #[arg(long, value_enum, default_value_t = ConstraintArg::Auto)]
@@ -289,6 +293,7 @@ fn from_inputs(args: &CalibrateArgs, inputs: Inputs, progress: &StageTimes) -> R
 
 fn options(args: &CalibrateArgs) -> Options {
     let mut options = Options {
+        motion: args.motion.into(),
         constraint: args.constraint.into(),
         principal_point_px: args.principal_point,
         aspect: args.aspect,
