@@ -367,7 +367,8 @@ fn pictures_of_the_floor_keep_their_depth() {
         for (i, value) in found.iter().enumerate().filter(|(_, v)| **v > 0.0) {
             let exact = float[i / channels * 3 + i % channels];
             if !exact.is_nan() {
-                assert!((value - exact).abs() <= 1.0, "{name}: {value} {exact}");
+                // Half a step each: the source, its copies halved once and twice, the result. Of 8 bits a step would be 257.
+                assert!((value - exact).abs() <= 2.0, "{name}: {value} {exact}");
                 levels.insert(*value as u32);
                 compared += 1;
             }
