@@ -42,6 +42,11 @@ pub(crate) fn go_on() -> Result<(), CliError> {
     interrupt::requested().map_or(Ok(()), |code| Err(CliError::Stopped(code)))
 }
 
+/// Results that were thrown away on a signal cannot be written: the signal is the cause then.
+fn unless_stopped(error: CliError) -> CliError {
+    interrupt::requested().map_or(error, CliError::Stopped)
+}
+
 /// `--out` has to be a folder that can be written, or nothing yet: asked before minutes of work. Nothing is left behind.
 pub(crate) fn check_folder(out: &Path) -> Result<(), CliError> {
     Ok(outputs::check_folder(out)?)
@@ -61,7 +66,7 @@ impl Results {
 
     /// A file.
     pub(crate) fn write(&self, name: &str, content: &[u8]) -> Result<(), CliError> {
-        Ok(self.0.write(name, content)?)
+        self.0.write(name, content).map_err(|e| unless_stopped(e.into()))
     }
 
     /// `NAME.svg` and `NAME.png`.
@@ -73,7 +78,7 @@ impl Results {
     /// All files into place. What was written is told when the run's other words are said.
     pub(crate) fn finish(self) -> Result<Finished, CliError> {
         go_on()?;
-        Ok(Finished(self.0.commit()?))
+        self.0.commit().map(Finished).map_err(|e| unless_stopped(e.into()))
     }
 }
 

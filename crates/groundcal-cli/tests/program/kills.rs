@@ -7,6 +7,10 @@ use std::{
     fs,
     path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Stdio},
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
     time::{Duration, Instant},
 };
 
@@ -205,6 +209,9 @@ fn expected(args: &[String], folder: PathBuf) -> Expected {
     Expected { folder, files, took }
 }
 
+/// Runs that are killed at a time: more than processors, so that they are held up anywhere.
+const WORKERS: u64 = 4;
+
 /// What became of the kills.
 #[derive(Debug, Default)]
 struct Tally {
@@ -214,6 +221,16 @@ struct Tally {
     old: usize,
     new: usize,
     too_late: usize,
+}
+
+impl Tally {
+    fn add(&mut self, other: &Tally) {
+        self.kills += other.kills;
+        self.left_behind += other.left_behind;
+        self.old += other.old;
+        self.new += other.new;
+        self.too_late += other.too_late;
+    }
 }
 
 #[cfg(unix)]
@@ -314,24 +331,32 @@ fn killed_runs_lose_and_mix_nothing() {
             both
         })
         .collect();
-    let mut dice = Dice(1);
-    let mut tallies: Vec<Tally> = cases.iter().map(|_| Tally::default()).collect();
-    let done = |tallies: &[Tally]| tallies.iter().map(|t| t.kills).sum::<usize>();
+    let tallies: Vec<Mutex<Tally>> = cases.iter().map(|_| Mutex::default()).collect();
+    let (turns, kills) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let wanted = wanted.unwrap_or(KILLS);
-    for turn in 0.. {
-        let i = turn % cases.len();
-        // The one that takes seconds has a twentieth of the turns.
-        if cases[i].name == "experiment" && turn / cases.len() % 2 == 1 {
-            continue;
+    std::thread::scope(|scope| {
+        for worker in 0..WORKERS {
+            let (cases, ways, inputs, tallies, turns, kills) = (&cases, &ways, &inputs, &tallies, &turns, &kills);
+            scope.spawn(move || {
+                let mut dice = Dice(worker);
+                while kills.load(Ordering::Relaxed) < wanted {
+                    let turn = turns.fetch_add(1, Ordering::Relaxed);
+                    assert!(turn < 20 * wanted, "kills come too late: {tallies:?}");
+                    let i = turn % cases.len();
+                    // The one that takes seconds has half as many turns.
+                    if cases[i].name == "experiment" && turn / cases.len() % 2 == 1 {
+                        continue;
+                    }
+                    let mut tally = Tally::default();
+                    one_kill(&cases[i], &ways[i], inputs, &mut dice, &mut tally);
+                    kills.fetch_add(tally.kills, Ordering::Relaxed);
+                    tallies[i].lock().unwrap().add(&tally);
+                }
+            });
         }
-        one_kill(&cases[i], &ways[i], &inputs, &mut dice, &mut tallies[i]);
-        if done(&tallies) >= wanted {
-            break;
-        }
-        assert!(turn < 20 * wanted, "kills come too late: {tallies:?}");
-    }
+    });
     for (case, tally) in cases.iter().zip(&tallies) {
-        println!("{:<11}{tally:?}", case.name);
+        println!("{:<11}{:?}", case.name, tally.lock().unwrap());
     }
-    println!("{} kills, nothing lost or mixed", done(&tallies));
+    println!("{} kills, nothing lost or mixed", kills.into_inner());
 }
