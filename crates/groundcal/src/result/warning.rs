@@ -247,30 +247,7 @@ impl Warning {
                 "the images say little about {parameter}: its standard deviation is {:.0} % of what was assumed beforehand",
                 100.0 * posterior_over_prior
             ),
-            Warning::PriorContradicted(c) => {
-                let unit = if c.parameter.is_in_pixels() { " px" } else { "" };
-                let digits = if c.parameter.is_in_pixels() { 1 } else { 4 };
-                let assumed = if c.sigma > 0.0 {
-                    format!("{:.digits$} +- {:.digits$}{unit}", c.mean, c.sigma)
-                } else {
-                    format!("{:.digits$}{unit}", c.mean)
-                };
-                format!(
-                    "the images contradict what was assumed of {}, {assumed}: without that they say {:.digits$} +- {:.digits$}{unit} ({:.0} \
-                     deviations apart), and the camera was estimated without it{}",
-                    c.parameter,
-                    c.found,
-                    c.found_sigma,
-                    c.deviations(),
-                    match c.parameter {
-                        PriorParameter::Aspect =>
-                            ". Pixels that are not square, or pictures resized unequally, do that",
-                        PriorParameter::Cx | PriorParameter::Cy => ". Pictures that were cropped do that",
-                        PriorParameter::Skew => ". Pictures that were sheared or scanned do that",
-                        PriorParameter::Fx | PriorParameter::K1 | PriorParameter::K2 => "",
-                    }
-                )
-            }
+            Warning::PriorContradicted(conflict) => contradiction(conflict),
             Warning::StaticBackground { from, to, matches } => format!(
                 "{from} and {to}: {matches} matches stand still, more than move; a background (or a part of the camera's carrier) that \
                  does not move was set aside"
@@ -337,6 +314,27 @@ impl Warning {
     pub fn message(&self, wording: &dyn Wording) -> String {
         sentence(&self.finding(), &self.remedies(), wording)
     }
+}
+
+/// What the images contradict, and what they say.
+fn contradiction(c: &PriorConflict) -> String {
+    let (unit, digits) = if c.parameter.is_in_pixels() { (" px", 1) } else { ("", 4) };
+    let spread = if c.sigma > 0.0 { format!(" +- {:.digits$}", c.sigma) } else { String::new() };
+    let cause = match c.parameter {
+        PriorParameter::Aspect => ". Pixels that are not square, or pictures resized unequally, do that",
+        PriorParameter::Cx | PriorParameter::Cy => ". Pictures that were cropped do that",
+        PriorParameter::Skew => ". Pictures that were sheared or scanned do that",
+        PriorParameter::Fx | PriorParameter::K1 | PriorParameter::K2 => "",
+    };
+    format!(
+        "the images contradict what was assumed of {}, {:.digits$}{spread}{unit}: without that they say {:.digits$} +- {:.digits$}{unit} \
+         ({:.0} deviations apart), and the camera was estimated without it{cause}",
+        c.parameter,
+        c.mean,
+        c.found,
+        c.found_sigma,
+        c.deviations(),
+    )
 }
 
 /// In the library's own words.
