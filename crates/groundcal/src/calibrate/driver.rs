@@ -37,6 +37,7 @@ use crate::{
         rotations::{find_turning, select_rotations},
         selection::{MotionKind, Selection},
     },
+    vision::image::GrayImage,
 };
 
 /// Relative change of the focal length in the last round of a fixed point that counts as rest.
@@ -61,20 +62,42 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
     let (pairs, lens) = observe_pairs(source.pairs, &stages, observer)?;
     let selection = select_motions(&pairs, &lens, &stages, observer)?;
     let mut found = Found { pairs, lens, selection, amplification: None, warnings: source.warnings };
-    found = given_lens_through_its_camera(found, &stages, observer)?;
-    if let (Some(images), Some(patches)) = (source.images, &stages.patches) {
-        let used = found.selection.used();
-        found.pairs = match_by_patches(found.pairs, &used, images, found.lens.lens(), patches, observer)?;
-    }
-    found = seen_again(found, &stages, observer)?;
+    found = looked_at_again(found, source.images, &stages, observer)?;
     observer.begin(Stage::Camera, 1);
-    let solved = solve(&found, &stages, observer)?;
+    let solved = match solve(&found, &stages, observer) {
+        // Where rotations do not hold in the end, it may have been motions over a floor.
+        Err(Error::Unsound { .. }) if is_turning(&found.selection) && options.motion == MotionModel::Auto => {
+            found.selection = select_plane_normal(&found.pairs, &stages.plane_normal, observer)?;
+            found = looked_at_again(found, source.images, &stages, observer)?;
+            solve(&found, &stages, observer)?
+        }
+        answer => answer?,
+    };
     let Found { pairs, lens, selection, warnings, .. } = found;
     let calibration = assemble(&solved, &selection, &pairs, &lens, Names(source.names), &stages, warnings);
     let unordered = source.images.is_some() && options.pairs.is_none();
     let calibration = if unordered { in_order_of_images(calibration, &pairs) } else { calibration };
     observer.advance(Stage::Camera);
     Ok(calibration)
+}
+
+fn is_turning(selection: &Selection) -> bool {
+    matches!(selection.kind, MotionKind::Turning { .. })
+}
+
+/// The motions selected through their own camera's lens, matched again patch by patch.
+fn looked_at_again(
+    found: Found,
+    images: Option<&[GrayImage]>,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<Found, Error> {
+    let mut found = given_lens_through_its_camera(found, stages, observer)?;
+    if let (Some(images), Some(patches)) = (images, &stages.patches) {
+        let used = found.selection.used();
+        found.pairs = match_by_patches(found.pairs, &used, images, found.lens.lens(), patches, observer)?;
+    }
+    seen_again(found, stages, observer)
 }
 
 /// What each pair shows, and the lens as far as it is known beforehand or the planes tell it.

@@ -7,12 +7,14 @@ use crate::{
         matter::RefinementOptions,
         options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
         prior_conflicts::WIDE_LN_ASPECT,
+        setup::LEAST_NOISE_PX,
         solved::{Solved, share_of},
         soundness::{check_field_of_view, refine_until_sound},
         stage_options::StageOptions,
     },
     error::Error,
     geometry::constraint::Constraint,
+    ids::PairId,
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::Warning,
@@ -48,13 +50,20 @@ pub(super) fn solve_plane_normal(
     let (mut joint, mut left) = (None, None);
     if options.method == Method::Joint {
         let told = (&refinement, stages.size);
-        if let Some(sound) = refine_until_sound(pairs, selection, &solution, lens, told, observer)? {
-            let refined = sound.refined;
-            warnings.extend(departures_found(&refined));
-            warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
-            (solution, refinement) = (refined.solution, refined.options);
-            joint = Some(refined.joint);
-            left = sound.selection;
+        match refine_until_sound(pairs, selection, &solution, lens, told, observer) {
+            Ok(None) => {}
+            Ok(Some(sound)) => {
+                let refined = sound.refined;
+                warnings.extend(departures_found(&refined));
+                warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
+                (solution, refinement) = (refined.solution, refined.options);
+                joint = Some(refined.joint);
+                left = sound.selection;
+            }
+            Err(error @ Error::Unsound { .. }) if are_exact(&selection.used(), pairs) => {
+                warnings.push(Warning::NotRefined { reason: error.finding() });
+            }
+            Err(error) => return Err(error),
         }
     }
     let used = left.as_ref().unwrap_or(selection).used();
@@ -89,6 +98,12 @@ pub(super) fn solve_plane_normal(
         amplification,
         warnings,
     })
+}
+
+/// Whether the matches have no noise at all, as computed ones do: beside their information that of the priors is lost in rounding, and
+/// the closed form has all there is.
+fn are_exact(used: &[PairId], pairs: &[PairObservation]) -> bool {
+    used.iter().all(|&id| pairs[id].plane().is_some_and(|plane| plane.estimate.sigma_px < LEAST_NOISE_PX))
 }
 
 /// The camera to start from. Where square pixels leave none that is certain, the refinement, which tries the prior of the aspect ratio

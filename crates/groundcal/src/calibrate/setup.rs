@@ -28,7 +28,7 @@ use crate::{
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
-const LEAST_NOISE_PX: f64 = 1e-4;
+pub(super) const LEAST_NOISE_PX: f64 = 1e-4;
 /// Matches that the common noise of all pairs is worth in the estimate of one pair's.
 const COMMON_NOISE_MATCHES: f64 = 20.0;
 /// Deviations from its homography within which a match takes part; the weights of the loss do the rest.

@@ -10,7 +10,7 @@ use crate::{
         options::{LensModel, Method},
         refinement::refine_turning,
         solved::Solved,
-        soundness::check_soundness,
+        soundness::{MAX_DIRECTIONS_DESIGN_EFFECT, check_soundness},
         stage_options::StageOptions,
     },
     error::Error,
@@ -38,7 +38,11 @@ pub(super) fn rotations_explain(
     observer: &dyn Observer,
 ) -> Result<bool, Error> {
     match refined(pairs, selection, focal_px, lens, stages, observer) {
-        Ok((joint, _)) => Ok(joint.bundle.variance_factors[Kind::Point as usize] < MAX_VARIANCE),
+        Ok((joint, _)) => {
+            let point = Kind::Point as usize;
+            let (variance, effect) = (joint.bundle.variance_factors[point], joint.bundle.design_effects[point]);
+            Ok(variance < MAX_VARIANCE && effect < MAX_DIRECTIONS_DESIGN_EFFECT)
+        }
         Err(Error::Stopped) => Err(Error::Stopped),
         Err(_) => Ok(false),
     }

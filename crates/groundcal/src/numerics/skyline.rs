@@ -56,8 +56,9 @@ impl Skyline {
         let first = kept.iter().enumerate().map(|(row, &i)| kept.partition_point(|&j| j < self.first[i]).min(row));
         let mut out = Self::zeros(first.collect());
         for (row, &i) in kept.iter().enumerate() {
-            for column in out.first[row]..=row {
-                out.add(row, column, self.values[self.index(i, kept[column])]);
+            let from = out.first[row];
+            for (column, &j) in kept[..=row].iter().enumerate().skip(from) {
+                out.add(row, column, self.values[self.index(i, j)]);
             }
         }
         out

@@ -269,44 +269,8 @@ impl Warning {
                 "the images say little about {parameter}: its standard deviation is {:.0} % of what was assumed beforehand",
                 100.0 * posterior_over_prior
             ),
-            Warning::PicturesDepart { departure, sigma, .. } => match departure {
-                PictureDeparture::FocalLength => format!(
-                    "the focal length is not the same in all pictures (standard deviation {sigma:.2} %): the lens was focused or zoomed between \
-                     them, or it breathes; fx and fy are their mean, with error bars that hold the spread"
-                ),
-                PictureDeparture::RowTurn => format!(
-                    "the pictures are bent as by a rolling shutter: the camera turned by about {sigma:.2} degrees while one was read out, which \
-                     was estimated"
-                ),
-                PictureDeparture::Shift => format!(
-                    "the pictures are shifted against each other (standard deviation {sigma:.1} px), as by a stabiliser or by cropping; cx and \
-                     cy are their mean, with error bars that hold the spread"
-                ),
-            },
-            Warning::PriorContradicted(c) => {
-                let unit = if c.parameter.is_in_pixels() { " px" } else { "" };
-                let digits = if c.parameter.is_in_pixels() { 1 } else { 4 };
-                let assumed = if c.sigma > 0.0 {
-                    format!("{:.digits$} +- {:.digits$}{unit}", c.mean, c.sigma)
-                } else {
-                    format!("{:.digits$}{unit}", c.mean)
-                };
-                format!(
-                    "the images contradict what was assumed of {}, {assumed}: without that they say {:.digits$} +- {:.digits$}{unit} ({:.0} \
-                     deviations apart), and the camera was estimated without it{}",
-                    c.parameter,
-                    c.found,
-                    c.found_sigma,
-                    c.deviations(),
-                    match c.parameter {
-                        PriorParameter::Aspect =>
-                            ". Pixels that are not square, or pictures resized unequally, do that",
-                        PriorParameter::Cx | PriorParameter::Cy => ". Pictures that were cropped do that",
-                        PriorParameter::Skew => ". Pictures that were sheared or scanned do that",
-                        _ => "",
-                    }
-                )
-            }
+            Warning::PicturesDepart { departure, sigma, .. } => departing(*departure, *sigma),
+            Warning::PriorContradicted(conflict) => contradiction(conflict),
             Warning::StaticBackground { from, to, matches } => format!(
                 "{from} and {to}: {matches} matches stand still, more than move; a background (or a part of the camera's carrier) that \
                  does not move was set aside"
@@ -374,6 +338,45 @@ impl Warning {
     pub fn message(&self, wording: &dyn Wording) -> String {
         sentence(&self.finding(), &self.remedies(), wording)
     }
+}
+
+/// In what pictures depart from each other.
+fn departing(departure: PictureDeparture, sigma: f64) -> String {
+    match departure {
+        PictureDeparture::FocalLength => format!(
+            "the focal length is not the same in all pictures (standard deviation {sigma:.2} %): the lens was focused or zoomed between \
+             them, or it breathes; fx and fy are their mean, with error bars that hold the spread"
+        ),
+        PictureDeparture::RowTurn => format!(
+            "the pictures are bent as by a rolling shutter: the camera turned by about {sigma:.2} degrees while one was read out, which \
+             was estimated"
+        ),
+        PictureDeparture::Shift => format!(
+            "the pictures are shifted against each other (standard deviation {sigma:.1} px), as by a stabiliser or by cropping; cx and \
+             cy are their mean, with error bars that hold the spread"
+        ),
+    }
+}
+
+/// What the images contradict, and what they say.
+fn contradiction(c: &PriorConflict) -> String {
+    let (unit, digits) = if c.parameter.is_in_pixels() { (" px", 1) } else { ("", 4) };
+    let spread = if c.sigma > 0.0 { format!(" +- {:.digits$}", c.sigma) } else { String::new() };
+    let cause = match c.parameter {
+        PriorParameter::Aspect => ". Pixels that are not square, or pictures resized unequally, do that",
+        PriorParameter::Cx | PriorParameter::Cy => ". Pictures that were cropped do that",
+        PriorParameter::Skew => ". Pictures that were sheared or scanned do that",
+        _ => "",
+    };
+    format!(
+        "the images contradict what was assumed of {}, {:.digits$}{spread}{unit}: without that they say {:.digits$} +- {:.digits$}{unit} \
+         ({:.0} deviations apart), and the camera was estimated without it{cause}",
+        c.parameter,
+        c.mean,
+        c.found,
+        c.found_sigma,
+        c.deviations(),
+    )
 }
 
 /// In the library's own words.
