@@ -191,7 +191,10 @@ fn refinement() {
     let options = |frame: Frame| {
         BundleOptions::new(vec![CameraUnknowns {
             matrix_priors: [None, Some((0.0, 0.003)), Some((0.0, 0.12)), Some((0.0, 0.12)), None],
-            lens_priors: vec![Some((0.0, 0.3)); 2],
+            // k1, k2, p1, p2 free and k3 on demand, as in a calibration.
+            lens_free: vec![true; 4],
+            lens_priors: [0.3, 0.3, 1e-3, 1e-3].map(|sigma| Some((0.0, sigma))).to_vec(),
+            lens_on_demand: vec![(4, (0.0, 0.3))],
             ..CameraUnknowns::new(frame, [1.14, 0.86])
         }])
     };

@@ -26,7 +26,7 @@ const MAX_VARIANCE: f64 = 25.0;
 /// Largest design effect of the residuals of a scene of directions: what neighbours have in common there is parallax, of a lens off the
 /// axes before things that are not far away. (Of scenes with the lens on the axes or all things far, 3 of 60 are beyond, by a lens of higher
 /// order; of those with the lens off by 3 mm to 20 cm, 58 of 80, nearly all of them wrong by more than 4 deviations.)
-pub(super) const MAX_DIRECTIONS_DESIGN_EFFECT: f64 = 2.6;
+const MAX_DIRECTIONS_DESIGN_EFFECT: f64 = 2.6;
 /// Widest field of view, degrees across the width, that a flat image can have.
 const MAX_FIELD_OF_VIEW_DEG: f64 = 170.0;
 /// Motions that are dropped one after the other, at most, and as a fraction of all.

@@ -318,6 +318,12 @@ impl CameraUnknowns {
         self.lens_priors[of_lens] = prior;
     }
 
+    /// Holds the numbers of the lens from one on.
+    pub(crate) fn hold_lens_from(&mut self, first: usize) {
+        self.lens_free.truncate(first);
+        self.lens_on_demand.clear();
+    }
+
     /// The prior of a number of the camera's block.
     pub fn prior(&self, number: usize) -> Option<Prior> {
         match number.checked_sub(MATRIX) {
