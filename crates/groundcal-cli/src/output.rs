@@ -2,7 +2,10 @@
 
 use std::{io::Write, path::Path};
 
-use groundcal_io::export::write_whole;
+use groundcal_io::{
+    export::write_whole,
+    text::{message, printable_json, printable_lines},
+};
 use groundcal_report::canvas::{Canvas, Ink, png, svg};
 
 use crate::{args::ThreadsArg, error::CliError};
@@ -10,8 +13,18 @@ use crate::{args::ThreadsArg, error::CliError};
 /// Pixels of a PNG for one of the SVG: sharp on dense screens.
 const PNG_SCALE: f64 = 2.0;
 
+/// A page to standard output; names in it have no control characters.
+pub(crate) fn print(page: &str) -> Result<(), CliError> {
+    print_as_it_is(&printable_lines(page))
+}
+
+/// JSON to standard output.
+pub(crate) fn print_json(json: &str) -> Result<(), CliError> {
+    print_as_it_is(&printable_json(json))
+}
+
 /// To standard output; a reader that has had enough (`| head`) is no fault.
-pub(crate) fn print(text: &str) -> Result<(), CliError> {
+pub(crate) fn print_as_it_is(text: &str) -> Result<(), CliError> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(CliError::Other(format!("cannot write the result: {e}")))
@@ -20,9 +33,9 @@ pub(crate) fn print(text: &str) -> Result<(), CliError> {
     }
 }
 
-/// A line to standard error.
+/// A line to standard error, fit for a terminal whatever names it holds.
 pub(crate) fn tell(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", message(text));
 }
 
 /// A remark to standard error.
@@ -68,9 +81,9 @@ pub(crate) fn on_threads<T: Send>(
     threads: ThreadsArg,
     work: impl FnOnce() -> Result<T, CliError> + Send,
 ) -> Result<T, CliError> {
-    let Some(threads) = threads.threads else { return work() };
+    let Some(threads) = threads.count() else { return work() };
     rayon::ThreadPoolBuilder::new()
-        .num_threads(usize::from(threads))
+        .num_threads(threads)
         .build()
         .map_err(|e| CliError::Other(format!("cannot start {threads} threads: {e}")))?
         .install(work)

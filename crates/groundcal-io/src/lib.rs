@@ -13,7 +13,7 @@
 
 pub mod error;
 pub mod export;
-mod file;
+pub mod file;
 pub mod images;
 pub mod import;
 pub mod inputs;
@@ -24,3 +24,4 @@ pub mod note;
 pub mod pictures;
 pub mod text;
 pub mod view_files;
+pub mod words;

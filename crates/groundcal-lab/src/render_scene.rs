@@ -11,16 +11,45 @@ use image::{
     codecs::{jpeg::JpegEncoder, png::PngEncoder},
 };
 
-use groundcal_io::error::IoError;
-use groundcal_io::export::write_whole;
+use groundcal_io::{error::IoError, export::write_whole, file, text::shown, words::words};
+
+/// Bytes of a scene file: thousands of views.
+const MAX_SCENE_BYTES: u64 = 4 << 20;
 
 /// Renders every view of the scene file into `out_dir`; each file appears whole or not at all, `truth.json` last.
 pub fn run(scene_path: &Path, out_dir: &Path) -> Result<(), IoError> {
-    let name = scene_path.display().to_string();
-    let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
-    let text = std::fs::read_to_string(scene_path).map_err(|e| wrong(&format!("cannot be read: {e}")))?;
-    let scene: Scene = toml::from_str(&text).map_err(|e| wrong(&format!("not a scene file: {e}")))?;
-    write_pictures(&scene, &name, out_dir)
+    let text = file::text(scene_path, MAX_SCENE_BYTES, "Not a scene file")?;
+    let scene = parse(&text).map_err(|(line, what)| IoError::File {
+        file: shown(scene_path),
+        line,
+        what: format!("not a scene file: {what}"),
+    })?;
+    let wrong = |what: String| IoError::File { file: shown(scene_path), line: None, what };
+    scene.validate().map_err(|e| wrong(e.to_string()))?;
+    whole_lists(&text).map_err(|e| wrong(format!("not a scene file: {e}")))?;
+    write_pictures(&scene, &shown(scene_path), out_dir)
+}
+
+/// Refuses lists that are too long, whose ends TOML's reader drops.
+fn whole_lists(text: &str) -> Result<(), String> {
+    let value: toml::Value = toml::from_str(text).map_err(|e| words(e.message()))?;
+    let value = serde_json::to_value(value).map_err(|e| words(&e.to_string()))?;
+    let read: Result<Scene, _> = serde_path_to_error::deserialize(value);
+    read.map(|_| ()).map_err(|e| format!("{}: {}", e.path(), words(&e.inner().to_string())))
+}
+
+/// A scene file's text; the error has the line, where it is one, and what is wrong there.
+///
+/// # Errors
+/// What is no scene; [`Scene::validate`] judges the numbers.
+pub fn parse(text: &str) -> Result<Scene, (Option<u64>, String)> {
+    let line = |e: &toml::de::Error| e.span().map(|at| 1 + text[..at.start].matches('\n').count() as u64);
+    let fault = |field: Option<String>, e: &toml::de::Error| {
+        let field = field.filter(|f| f != ".").map_or_else(String::new, |f| format!("{f}: "));
+        (line(e), format!("{field}{}", words(e.message())))
+    };
+    let file = toml::de::Deserializer::parse(text).map_err(|e| fault(None, &e))?;
+    serde_path_to_error::deserialize(file).map_err(|e| fault(Some(e.path().to_string()), e.inner()))
 }
 
 /// A picture of a scene.
@@ -72,7 +101,7 @@ pub fn truth_json(scene: &Scene) -> Result<String, IoError> {
 fn write_pictures(scene: &Scene, name: &str, out_dir: &Path) -> Result<(), IoError> {
     let renderer = Renderer::new(scene).map_err(|e| IoError::Input(format!("{name}: {e}")))?;
     std::fs::create_dir_all(out_dir)
-        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", out_dir.display())))?;
+        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", shown(out_dir))))?;
     for index in 0..scene.view_count() {
         let rendered = render_one(scene, &renderer, index, name)?;
         write_whole(&out_dir.join(&rendered.file), &rendered.bytes)?;
@@ -142,7 +171,10 @@ mod tests {
         };
         assert!(message(&SCENE.replace("fx = 50", "fx = -1")).contains("camera.fx = -1.0: must be positive"));
         let text = message(&SCENE.replace("fx = 50", "focal = 50"));
-        assert!(text.contains("focal") && text.contains("line 4"), "{text}");
+        assert!(text.contains("focal") && text.contains("scene.toml line 4"), "{text}");
+        let text = message(&SCENE.replace("fx = 50", "fx = \"wide\""));
+        assert!(text.contains("line 4: not a scene file: camera.fx: found the text \"wide\", expected"), "{text}");
+        assert!(!text.contains("f64"), "{text}");
         assert!(run(&folder.path().join("none.toml"), folder.path()).unwrap_err().to_string().contains("none.toml"));
     }
 }

@@ -20,6 +20,7 @@ use groundcal_io::{
     matches::{PairChoice, read_matches, read_pairs},
     names::image_names,
     note::Note,
+    text::shown,
 };
 use groundcal_report::{
     html,
@@ -49,7 +50,7 @@ determine what was asked, 4 unreadable or unusable input, 1 anything else.")]
 pub(crate) struct CalibrateArgs {
     /// Folders, image files (JPEG, PNG, TIFF, WebP), glob patterns, or one matches.csv / tracks.csv
     #[arg(required = true, value_name = "INPUT")]
-    pub(crate) inputs: Vec<String>,
+    pub(crate) inputs: Vec<PathBuf>,
 
     /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
     #[arg(long, value_name = "FILE")]
@@ -189,12 +190,12 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
         }
         times.push(("writing", start.elapsed()));
     }
-    let page = if args.json {
-        export::json(&calibration, &Flags)?
+    if args.json {
+        output::print_json(&export::json(&calibration, &Flags)?)?;
     } else {
-        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() }, &Flags)
-    };
-    output::print(&page)?;
+        let options = SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() };
+        output::print(&text::summary(&calibration, &options, &Flags))?;
+    }
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
         for (stage, time) in &times {
@@ -234,16 +235,21 @@ fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated
         }
         Inputs::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
-                CliError::Usage(format!("{}: give the size of the images with --image-size WxH", path.display()))
+                CliError::Usage(format!("{}: give the size of the images with --image-size WxH", shown(&path)))
             })?;
             let choice = match &args.pairs {
                 Some(list) => PairChoice::Listed(list),
                 None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
             };
             let table = read_matches(&path, size, choice)?;
+            // Before minutes of work.
+            for note in &table.notes {
+                output::note(&note.to_string());
+            }
             options.pairs.clone_from(&table.listed);
             let count = table.names.len();
-            let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
+            let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)
+                .map_err(|e| CliError::of_file_and_options(&path, e))?;
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }

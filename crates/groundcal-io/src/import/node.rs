@@ -55,15 +55,15 @@ impl Node {
     }
 
     /// The same tree of a JSON text.
-    pub(crate) fn from_json(value: &serde_json::Value) -> Self {
+    pub(crate) fn from_json(value: serde_json::Value) -> Self {
         use serde_json::Value;
         match value {
             Value::Null => Node::Text(String::new()),
-            Value::Bool(v) => Node::Number(f64::from(u8::from(*v))),
+            Value::Bool(v) => Node::Number(f64::from(u8::from(v))),
             Value::Number(v) => Node::Number(v.as_f64().unwrap_or(f64::NAN)),
-            Value::String(v) => Node::Text(v.clone()),
-            Value::Array(items) => Node::List(items.iter().map(Node::from_json).collect()),
-            Value::Object(entries) => Node::Map(entries.iter().map(|(k, v)| (k.clone(), Node::from_json(v))).collect()),
+            Value::String(v) => Node::Text(v),
+            Value::Array(items) => Node::List(items.into_iter().map(Node::from_json).collect()),
+            Value::Object(entries) => Node::Map(entries.into_iter().map(|(k, v)| (k, Node::from_json(v))).collect()),
         }
     }
 

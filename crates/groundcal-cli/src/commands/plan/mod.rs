@@ -39,7 +39,10 @@ pub(crate) fn run(args: &PlanArgs) -> Result<(), CliError> {
         output::write_canvas(out, "plan", &plan::figure(&report).layout())?;
         write_whole(&out.join("plan.json"), json()?.as_bytes())?;
     }
-    output::print(&if args.json { json()? } else { plan::text(&report, &command(&report, args), terminal::WIDTH) })
+    if args.json {
+        return output::print_json(&json()?);
+    }
+    output::print(&plan::text(&report, &command(&report, args), terminal::WIDTH))
 }
 
 fn positive(name: &str, value: f64, limit: f64) -> Result<f64, CliError> {
@@ -58,7 +61,12 @@ fn report(args: &PlanArgs) -> Result<PlanReport, CliError> {
         Some(known) => known.options(args, &motion)?,
         None => fresh(args, carrier, &motion)?,
     };
-    let plan = Planner::new(&options, known.as_ref().map(|k| &k.covariance))?.plan()?;
+    let covariance = known.as_ref().map(|k| &k.covariance);
+    let plan =
+        Planner::new(&options, covariance).and_then(|planner| planner.plan()).map_err(|e| match &args.after {
+            Some(path) => CliError::of_file_and_options(path, e),
+            None => e.into(),
+        })?;
     Ok(PlanReport::new(motion, &options, plan, &Flags))
 }
 
