@@ -74,8 +74,11 @@ impl Run<'_> {
     /// Runs; every finding is printed and its input kept.
     pub(crate) fn run(&self) -> std::io::Result<Findings> {
         std::fs::create_dir_all(self.folder)?;
-        // The input at work is always on disk: a crash that ends the process leaves it there.
-        let place = tempfile::Builder::new().prefix("at_work_").tempdir_in(self.folder)?;
+        // The input at work always stands in a file: a crash that ends the process leaves it there. In memory, where the system has such
+        // files: some disks take milliseconds for each.
+        let memory = Path::new("/dev/shm");
+        let folder = if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() };
+        let place = tempfile::Builder::new().prefix("groundcal_fuzz_").tempdir_in(folder)?;
         let input = place.path().join(self.target.file_name);
         let watch = Watch::new(input.clone(), self.folder.join(format!("{}_stopped", self.target.name)));
         let mut found = Findings::default();
