@@ -57,7 +57,7 @@ pub(super) fn solve_plane_normal(
         solution = joint.solution(solution, &refinement.bundle);
         lens_share = joint.share_of_lens().sqrt();
     } else if let KnownLens::Estimated(finding) = lens {
-        let added = covariance_of_lens(finding, through)?;
+        let added = covariance_of_lens(finding, options.constraint, through)?;
         solution.covariance_px += added;
         lens_share = share_of(&added, &solution.covariance_px);
     }

@@ -49,7 +49,7 @@ pub(super) fn solve_rotating(
     };
     let mut added = SMatrix::<f64, 5, 5>::zeros();
     if let KnownLens::Estimated(finding) = lens {
-        added = covariance_of_lens(finding, through)?;
+        added = covariance_of_lens(finding, stages.rotating.constraint, through)?;
     }
     let mut warnings: Vec<Warning> =
         unmodelled_distortion(pairs, lens, &found.intrinsics, through)?.into_iter().collect();

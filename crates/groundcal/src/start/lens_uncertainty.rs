@@ -4,8 +4,9 @@ use nalgebra::{Matrix4, SMatrix, SVector};
 
 use crate::{
     error::Error,
-    geometry::intrinsics::Intrinsics,
+    geometry::{constraint::Constraint, intrinsics::Intrinsics},
     pairs::{known_lens::LensFinding, plane_lens::Lens},
+    remedy::Remedy,
 };
 
 /// A whole deviation may leave the range of the lens model: a step of a tenth, scaled.
@@ -15,12 +16,18 @@ const PART: f64 = 0.1;
 /// with the lens moved along each column of the covariance's root. `solve` gives the camera of matches undone by a lens.
 ///
 /// # Errors
-/// [`Error::Numerical`] when there is no camera for one of these lenses; [`Error::Stopped`].
+/// [`Error::Undetermined`] when there is no camera for one of these lenses; [`Error::Stopped`].
 pub(crate) fn covariance_of_lens(
     finding: &LensFinding,
+    constraint: Constraint,
     solve: impl Fn(&Lens) -> Result<Intrinsics, Error>,
 ) -> Result<SMatrix<f64, 5, 5>, Error> {
-    let failed = || Error::Numerical { stage: "lens distortion", detail: "the camera does not follow the lens".into() };
+    let failed = || Error::Undetermined {
+        constraint: constraint.name(),
+        direction: "the lens distortion is known so badly that for a lens within its error bars there is no camera"
+            .into(),
+        remedies: vec![Remedy::GiveLensCoefficients, Remedy::StateNoDistortion, Remedy::CoverCorners],
+    };
     let reference = finding.reference();
     let numbers = |lens: &Lens| match solve(lens) {
         Ok(k) => Ok(SVector::<f64, 5>::from([k.fx, k.fy, k.cx, k.cy, k.skew])),

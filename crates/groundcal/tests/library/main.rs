@@ -5,6 +5,7 @@
 mod exact;
 mod floor;
 mod homographies;
+mod invariance;
 mod plan;
 mod refinement;
 mod refinement_blocks;
