@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::LensModel,
+    calibrate::{LensModel, MotionModel},
     geometry::{camera::Camera, size::ImageSize},
     start::{
         absolute_conic::Constraint,
@@ -66,6 +66,30 @@ impl From<DistortionArg> for LensModel {
             DistortionArg::None => LensModel::None,
             DistortionArg::K1 => LensModel::K1,
             DistortionArg::Auto | DistortionArg::K1k2 => LensModel::K1K2,
+        }
+    }
+}
+
+/// [`MotionModel`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum MotionArg {
+    /// Whichever the pictures show; refused where nothing in them shows that an axis was normal to the plane
+    Auto,
+    /// Turns about the plane's normal, moved along the plane or not: you vouch that the camera did not tilt between the images of a motion
+    PlaneNormal,
+    /// Any motion before one plane (not estimated yet)
+    General,
+    /// The camera turned on the spot, about any axes
+    Turning,
+}
+
+impl From<MotionArg> for MotionModel {
+    fn from(value: MotionArg) -> Self {
+        match value {
+            MotionArg::Auto => MotionModel::Auto,
+            MotionArg::PlaneNormal => MotionModel::PlaneNormal,
+            MotionArg::General => MotionModel::General,
+            MotionArg::Turning => MotionModel::Turning,
         }
     }
 }

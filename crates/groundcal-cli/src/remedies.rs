@@ -8,6 +8,9 @@ pub(crate) struct Flags;
 impl Wording for Flags {
     fn remedy(&self, remedy: &Remedy) -> String {
         let text = match remedy {
+            Remedy::VouchPlaneNormal => {
+                "say so with --motion plane-normal if you know that the camera turned without tilting"
+            }
             Remedy::NamePairs => "name the true motions with --pairs",
             Remedy::LeavePairOut => "leave the pair out (--pairs)",
             Remedy::ComparePairs => "give --pairs to compare others",

@@ -83,6 +83,8 @@ pub enum Remedy {
     /// Remove one of two equal images.
     RemoveDuplicate,
     // With options.
+    /// Vouch that the camera did not tilt: that the motions are plane-normal.
+    VouchPlaneNormal,
     /// Name the pairs that are true motions.
     NamePairs,
     /// Leave a pair out.
@@ -150,6 +152,7 @@ impl Remedy {
             Remedy::SpreadPoints => "spread_points",
             Remedy::MaskBackground => "mask_background",
             Remedy::RemoveDuplicate => "remove_duplicate",
+            Remedy::VouchPlaneNormal => "vouch_plane_normal",
             Remedy::NamePairs => "name_pairs",
             Remedy::LeavePairOut => "leave_pair_out",
             Remedy::ComparePairs => "compare_pairs",
@@ -227,6 +230,7 @@ impl std::fmt::Display for Remedy {
             Remedy::SpreadPoints => "use points spread over the plane",
             Remedy::MaskBackground => "mask it if it should not be there",
             Remedy::RemoveDuplicate => "remove one",
+            Remedy::VouchPlaneNormal => "say that the camera turned without tilting, if you know it",
             Remedy::NamePairs => "name the true motions",
             Remedy::LeavePairOut => "leave the pair out",
             Remedy::ComparePairs => "name the pairs to be compared to have others compared",

@@ -28,7 +28,10 @@ use groundcal_report::{
 };
 
 use crate::{
-    args::{ConstraintArg, DistortionArg, FormatArg, ThreadsArg, parse_height, parse_point, parse_prior, parse_size},
+    args::{
+        ConstraintArg, DistortionArg, FormatArg, MotionArg, ThreadsArg, parse_height, parse_point, parse_prior,
+        parse_size,
+    },
     error::CliError,
     output,
     progress::StageTimes,
@@ -55,6 +58,10 @@ pub(crate) struct CalibrateArgs {
     /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
     #[arg(long, value_name = "FILE")]
     pub(crate) pairs: Option<PathBuf>,
+
+    /// How the camera moved
+    #[arg(long, value_enum, default_value_t = MotionArg::Auto)]
+    pub(crate) motion: MotionArg,
 
     /// What to assume of the camera matrix
     #[arg(long, value_enum, default_value_t = ConstraintArg::Auto)]
@@ -260,6 +267,7 @@ fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated
 
 fn options(args: &CalibrateArgs) -> Options {
     let mut options = Options {
+        motion: args.motion.into(),
         constraint: args.constraint.into(),
         principal_point_px: args.principal_point,
         aspect: args.aspect,

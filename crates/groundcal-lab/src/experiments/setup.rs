@@ -6,7 +6,7 @@ use std::{
 };
 
 use groundcal::{
-    calibrate::Options,
+    calibrate::{MotionModel, Options},
     error::Error,
     geometry::{frame::Frame, intrinsics::Intrinsics},
     pairs::correspondence::ImagePair,
@@ -95,7 +95,7 @@ impl Pictures {
     /// The program's own method, told that all pairs are motions.
     pub(crate) fn groundcal(&self, options: &Options, truth: &Intrinsics) -> Result<(Scores, Calibration), Error> {
         let pairs = self.matched.iter().map(|p| (p.from, p.to)).collect();
-        let options = Options { pairs: Some(pairs), ..options.clone() };
+        let options = Options { pairs: Some(pairs), motion: MotionModel::PlaneNormal, ..options.clone() };
         methods::groundcal(&self.names, &self.images, &self.matched, &options, truth)
     }
 }

@@ -11,7 +11,8 @@ use crate::{
     calibrate::{
         lens::{estimated_lens_of_motions, given_lens_of_motions, through_own_camera},
         names::Names,
-        options::{Method, Options},
+        options::{Method, MotionModel, Options},
+        order::in_order_of_images,
         outcome::assemble,
         plane_normal::solve_plane_normal,
         rotating::solve_rotating,
@@ -29,6 +30,7 @@ use crate::{
         patch::match_by_patches,
         plane_lens::Lens,
     },
+    remedy::Remedy,
     result::{Calibration, Warning},
     select::{
         plane_normal::select_plane_normal,
@@ -69,6 +71,8 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
     let solved = solve(&found, &stages, observer)?;
     let Found { pairs, lens, selection, warnings, .. } = found;
     let calibration = assemble(&solved, &selection, &pairs, &lens, Names(source.names), &stages, warnings);
+    let unordered = source.images.is_some() && options.pairs.is_none();
+    let calibration = if unordered { in_order_of_images(calibration, &pairs) } else { calibration };
     observer.advance(Stage::Camera);
     Ok(calibration)
 }
@@ -108,9 +112,17 @@ fn select_motions(
     if stages.options.method == Method::Rotating {
         return select_rotations(pairs, &stages.rotations);
     }
+    match stages.options.motion {
+        MotionModel::Auto | MotionModel::PlaneNormal => {}
+        MotionModel::Turning => return select_turning(pairs, lens, stages, observer),
+        MotionModel::General => {
+            return Err(Error::InvalidOption("general motion before a plane is not estimated yet".into()));
+        }
+    }
     let plane_normal = select_plane_normal(pairs, &stages.plane_normal, observer);
     observer.go_on()?;
-    if stages.plane_normal.trusted || stages.options.method == Method::Linear {
+    let plane_normal_only = stages.options.motion == MotionModel::PlaneNormal;
+    if stages.plane_normal.named || plane_normal_only || stages.options.method == Method::Linear {
         return plane_normal;
     }
     if let Some(turning) = find_turning(pairs, &stages.rotations)
@@ -121,6 +133,26 @@ fn select_motions(
         return Ok(turning);
     }
     plane_normal
+}
+
+/// The pairs that a camera turning on the spot explains, which the user says it did.
+fn select_turning(
+    pairs: &[PairObservation],
+    lens: &KnownLens,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<Selection, Error> {
+    if let Some(turning) = find_turning(pairs, &stages.rotations)
+        && let MotionKind::Turning { focal_px } = turning.kind
+        && rotations_explain(pairs, &turning, focal_px, lens, stages, observer)?
+    {
+        return Ok(turning);
+    }
+    Err(Error::NoUsableMotion {
+        pairs: pairs.len(),
+        reason: "no three images are joined by rotations about the optical centre under one focal length".into(),
+        remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor],
+    })
 }
 
 /// Whether rotations join more images than plane-normal motions, or as many with a third more pairs. A pan about one axis is

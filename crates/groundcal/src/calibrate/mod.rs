@@ -13,6 +13,7 @@ mod lens;
 mod lens_result;
 mod names;
 mod options;
+mod order;
 mod outcome;
 mod plane_normal;
 mod refinement;
@@ -42,7 +43,7 @@ use crate::{
 };
 
 pub use crate::observer::{Observer, Silent, Stage};
-pub use options::{LensModel, Method, Options};
+pub use options::{LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom.
 ///

@@ -32,11 +32,28 @@ pub enum LensModel {
     K1K2,
 }
 
+/// What is known of how the camera moved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum MotionModel {
+    /// Nothing: plane-normal motions or a camera turning on the spot, whichever the pictures show. Where nothing checks that an axis was
+    /// normal to the plane, the answer is refused.
+    #[default]
+    Auto,
+    /// Turns about the plane's normal, with or without a translation: the user vouches for it.
+    PlaneNormal,
+    /// A camera turning on the spot, about any axes.
+    Turning,
+    /// Anything before one plane.
+    General,
+}
+
 /// What a calibration may be told. Everything has a default.
 #[derive(Debug, Clone)]
 pub struct Options {
     /// How the camera is estimated.
     pub method: Method,
+    /// What is known of the motion.
+    pub motion: MotionModel,
     /// What is assumed of the camera matrix.
     pub constraint: Constraint,
     /// The principal point in pixels where it is held, centre of its prior otherwise (default: the image centre).
@@ -82,6 +99,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             method: Method::default(),
+            motion: MotionModel::default(),
             constraint: Constraint::Auto,
             principal_point_px: None,
             aspect: None,

@@ -3,8 +3,14 @@
 
 use std::collections::HashSet;
 
+use rayon::prelude::*;
+
 use crate::{
-    calibrate::{options::Options, stage_options::SourceTraits},
+    calibrate::{
+        options::Options,
+        order::{by_content, content_key},
+        stage_options::SourceTraits,
+    },
     error::Error,
     geometry::{frame::Frame, size::ImageSize},
     ids::PairId,
@@ -69,7 +75,24 @@ pub(super) fn from_images<'a>(
     if options.pairs.is_none() && images.len() > options.all_pairs_limit {
         warnings.push(Warning::NeighboursOnly { images: images.len() });
     }
-    warnings.extend(duplicates(names, images));
+    let copies = copies(images);
+    warnings.extend(warnings_of(&copies, names));
+    let pairs = if options.pairs.is_some() {
+        pairs
+    } else {
+        // A picture under two names is one picture; where there is no other, matching it says best what is wrong.
+        let all_alike = copies.iter().filter(|c| c.is_none()).count() < 2;
+        let once = |&(a, b): &(usize, usize)| all_alike || (copies[a].is_none() && copies[b].is_none());
+        let pairs: Vec<(usize, usize)> = pairs.into_iter().filter(once).collect();
+        if images.len() > options.all_pairs_limit {
+            pairs
+        } else {
+            by_content(&pairs, &images.par_iter().map(content_key).collect::<Vec<_>>())
+        }
+    };
+    if pairs.is_empty() {
+        return Err(Error::TooFewImages { found: copies.iter().filter(|c| c.is_none()).count() });
+    }
     let features = observer.map(Stage::Features, images, |image| detect_until(image, &options.features, observer))?;
     let matched = observer.map(Stage::Matching, &pairs, |&(from, to)| {
         let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
@@ -91,7 +114,7 @@ pub(super) fn from_matched_images<'a>(
     let size = one_size(names, images)?;
     options.validate(size)?;
     let named = named_pairs(names, pairs, options)?;
-    of_images(names, images, named, options, duplicates(names, images))
+    of_images(names, images, named, options, warnings_of(&copies(images), names))
 }
 
 /// Matches without images.
@@ -110,7 +133,13 @@ pub(super) fn from_matches<'a>(
         return Err(Error::TooFewImages { found: names.len() });
     }
     let pairs = named_pairs(names, pairs, options)?;
-    let traits = SourceTraits { size, min_plane_matches: MIN_MATCHES_ON_PLANE, has_images: false, has_matches: true };
+    let traits = SourceTraits {
+        size,
+        min_plane_matches: MIN_MATCHES_ON_PLANE,
+        has_images: false,
+        has_matches: true,
+        sequence: false,
+    };
     let pairs = GivenPairs::Matches(checked(names, pairs, size)?);
     Ok(Source { names, images: None, pairs, traits, warnings: Vec::new() })
 }
@@ -149,7 +178,7 @@ pub(super) fn from_homographies<'a>(
         Ok(PairObservation::of_homography(PairId::new(i), [(*from).into(), (*to).into()], estimate.clone()))
     };
     let pairs = homographies.iter().enumerate().map(observation).collect::<Result<_, _>>()?;
-    let traits = SourceTraits { size, min_plane_matches: 0, has_images: false, has_matches: false };
+    let traits = SourceTraits { size, min_plane_matches: 0, has_images: false, has_matches: false, sequence: false };
     Ok(Source { names, images: None, pairs: GivenPairs::Planes(pairs), traits, warnings: Vec::new() })
 }
 
@@ -167,7 +196,10 @@ fn of_images<'a>(
         return Err(Error::NoCommonPlane { pairs: 1, best: only.matches.len(), needed });
     }
     let size = images[0].size();
-    let traits = SourceTraits { size, min_plane_matches: MIN_FEATURES_ON_PLANE, has_images: true, has_matches: true };
+    // Few images may be in any order.
+    let sequence = images.len() > options.all_pairs_limit;
+    let traits =
+        SourceTraits { size, min_plane_matches: MIN_FEATURES_ON_PLANE, has_images: true, has_matches: true, sequence };
     let pairs = GivenPairs::Matches(checked(names, matched, size)?);
     Ok(Source { names, images: Some(images), pairs, traits, warnings })
 }
@@ -202,13 +234,17 @@ fn check_size(size: ImageSize) -> Result<(), Error> {
     Ok(())
 }
 
-fn duplicates(names: &[String], images: &[GrayImage]) -> Vec<Warning> {
-    let first_like = |j: usize| (0..j).find(|&i| images[i] == images[j]);
-    let warning = |j: usize| {
-        let i = first_like(j)?;
-        Some(Warning::DuplicateImages { first: names[i].clone(), second: names[j].clone() })
+/// For each image the earlier one that it is a copy of.
+fn copies(images: &[GrayImage]) -> Vec<Option<usize>> {
+    (0..images.len()).map(|j| (0..j).find(|&i| images[i] == images[j])).collect()
+}
+
+fn warnings_of(copies: &[Option<usize>], names: &[String]) -> Vec<Warning> {
+    let warning = |(j, original): (usize, &Option<usize>)| {
+        let first = names[(*original)?].clone();
+        Some(Warning::DuplicateImages { first, second: names[j].clone() })
     };
-    (1..images.len()).filter_map(warning).collect()
+    copies.iter().enumerate().filter_map(warning).collect()
 }
 
 /// The pairs of images to be compared: those named, all of few images, neighbours of many.

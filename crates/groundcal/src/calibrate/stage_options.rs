@@ -1,7 +1,7 @@
 //! The options of every stage, made once from those of the calibration.
 
 use crate::{
-    calibrate::options::{LensModel, Options},
+    calibrate::options::{LensModel, MotionModel, Options},
     geometry::{frame::Frame, size::ImageSize},
     pairs::{known_lens::LensOptions, observe::ObserveOptions, patch::PatchStageOptions},
     select::{plane_normal::PlaneNormalOptions, rotations::RotationOptions},
@@ -47,6 +47,8 @@ pub(super) struct SourceTraits {
     pub(super) has_images: bool,
     /// There are matches, not homographies alone.
     pub(super) has_matches: bool,
+    /// The images are in the order in which they were taken.
+    pub(super) sequence: bool,
 }
 
 impl<'a> StageOptions<'a> {
@@ -80,7 +82,9 @@ impl<'a> StageOptions<'a> {
                 aspect,
                 attitude_sigma_deg: options.attitude_sigma_deg,
                 // Homographies are given as motions.
-                trusted: named || !source.has_matches,
+                named: named || !source.has_matches,
+                vouched: options.motion == MotionModel::PlaneNormal || !source.has_matches,
+                sequence: source.sequence,
                 min_matches,
             },
             rotations: RotationOptions {

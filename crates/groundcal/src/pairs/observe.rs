@@ -137,6 +137,15 @@ pub(crate) fn refit_all(
     pairs.into_par_iter().map(refitted).collect()
 }
 
+/// A number that matches have whatever their order and the place of their images: each pair has samples of its own.
+fn key_of(matches: &[PointMatch]) -> u64 {
+    let key = |m: &PointMatch| {
+        let words = [m.a.x, m.a.y, m.b.x, m.b.y].map(f64::to_bits);
+        words.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3))
+    };
+    matches.iter().fold(0, |sum: u64, m| sum.wrapping_add(key(m)))
+}
+
 /// From features, or from points given.
 fn outcome_of_matches(
     pair: &ImagePair,
@@ -198,7 +207,7 @@ fn outcome_with(
             .collect(),
     };
     robust.min_inliers = min_matches.max(6);
-    robust.ransac.seed = options.seed ^ ((pair.from as u64) << 32 | pair.to as u64);
+    robust.ransac.seed = options.seed ^ key_of(&pair.matches);
     let found = match estimate_robust_until(&ideal, &options.frame, &robust, observer) {
         Ok(found) => found,
         Err(Error::Stopped) => return Err(Error::Stopped),

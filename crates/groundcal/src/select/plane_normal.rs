@@ -9,7 +9,9 @@ use crate::{
     remedy::Remedy,
     select::{
         attitude_groups::{Motion, Sides},
-        consistent_set::{ConsistencyOptions, ConsistentSet, Verdict, find_consistent},
+        consistent_set::{
+            ConsistencyOptions, ConsistentSet, MARGIN_LOG_ODDS, Verdict, find_consistent, height_log_odds,
+        },
         selection::{MotionKind, PairVerdict, Rejection, Selection},
     },
 };
@@ -32,8 +34,6 @@ const MINOR_SIDE: f64 = 0.05;
 /// Squared distance beyond which a motion disagrees with the camera of the others: 99.9 % of chi-squared with two degrees
 /// of freedom.
 const MOTION_GATE: f64 = 13.8;
-/// Candidates from which on agreement beyond coincidence is asked for: of two that disagree the better one is used.
-const MIN_CANDIDATES_TO_AGREE: usize = 3;
 
 /// Options of [`select_plane_normal`].
 #[derive(Debug, Clone, Copy)]
@@ -46,8 +46,12 @@ pub(crate) struct PlaneNormalOptions {
     pub(crate) aspect: f64,
     /// Standard deviation of each view's attitude about the axes across the plane's normal, degrees; `None`: found.
     pub(crate) attitude_sigma_deg: Option<f64>,
-    /// All pairs are known to be motions.
-    pub(crate) trusted: bool,
+    /// The pairs are named by the user: none is left out.
+    pub(crate) named: bool,
+    /// The user vouches that motions are plane-normal; nothing else needs to show it.
+    pub(crate) vouched: bool,
+    /// The images are in the order in which they were taken.
+    pub(crate) sequence: bool,
     /// Fewest matches on a plane, for the error's words.
     pub(crate) min_matches: usize,
 }
@@ -66,11 +70,18 @@ pub(crate) fn select_plane_normal(
     if motions.is_empty() {
         return Err(why_no_motion(pairs, options.min_matches));
     }
-    let verdicts = if options.trusted || motions.len() == 1 {
+    if let [only] = motions.as_slice()
+        && !options.vouched
+    {
+        check_single(only)?;
+    }
+    let verdicts = if options.named || motions.len() == 1 {
         vec![Verdict::Accepted; motions.len()]
     } else {
         let found = search(&motions, options, observer)?;
-        if motions.len() >= MIN_CANDIDATES_TO_AGREE && found.log_odds < found.needed_log_odds {
+        // Of two that disagree the better one is used where the user vouches for it.
+        let vouched = options.vouched && motions.len() == 2;
+        if !vouched && found.log_odds < found.needed_log_odds {
             return Err(coincidence(&found));
         }
         found.verdicts
@@ -86,6 +97,23 @@ pub(crate) fn select_plane_normal(
             }
         }
     }))
+}
+
+/// A single motion has nothing to be checked by but its height ratio: two views that tilted differ in it (see
+/// [`height_log_odds`]).
+fn check_single(motion: &Motion) -> Result<(), Error> {
+    let (rho, sigma) = (motion.geometry.rho, motion.geometry.rho_sigma);
+    if height_log_odds(rho, sigma) >= MARGIN_LOG_ODDS {
+        return Ok(());
+    }
+    Err(Error::NoUsableMotion {
+        pairs: 1,
+        reason: format!(
+            "nothing shows that the camera turned without tilting: the ratio of its heights over the plane is {rho:.4} +- {sigma:.4}, \
+             where a camera that keeps its height has 1, and one that tilted has any. Such a focal length may be wrong by half"
+        ),
+        remedies: vec![Remedy::MoreMotions, Remedy::VouchPlaneNormal],
+    })
 }
 
 fn motion_of(pair: &PairObservation, frame: &Frame) -> Option<Motion> {
@@ -106,6 +134,7 @@ fn search(motions: &[Motion], options: &PlaneNormalOptions, observer: &dyn Obser
             principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * options.size.width as f64 / options.frame.scale_px,
             aspect: options.aspect,
             gate: MOTION_GATE,
+            sequence: options.sequence,
         };
         find_consistent(motions, &consistency, observer)
     };
