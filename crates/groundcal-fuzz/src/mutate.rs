@@ -120,7 +120,7 @@ pub(crate) fn mutated(rng: &mut impl Rng, input: &[u8], other: &[u8], text: bool
             4 => overwrite(rng, &mut bytes),
             5 | 6 if !text => word_of_bytes(rng, &mut bytes),
             5 => insert(rng, &mut bytes),
-            6 | 7 | 8 => number(rng, &mut bytes),
+            6..=8 => number(rng, &mut bytes),
             9 => lines(rng, &mut bytes),
             10 => swap_words(rng, &mut bytes),
             _ => column(rng, &mut bytes),

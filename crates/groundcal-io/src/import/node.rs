@@ -2,7 +2,11 @@
 
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
 
-use crate::{import::spelling::plain, limits::MAX_MARKUP_BYTES, text::quoted};
+use crate::{
+    import::spelling::plain,
+    limits::MAX_MARKUP_BYTES,
+    text::{quoted, sentence},
+};
 
 /// How deep values may be nested; calibrations need four levels.
 const MAX_DEPTH: usize = 32;
@@ -50,7 +54,8 @@ impl Node {
             return Err(too_long());
         }
         check_elements(text)?;
-        let document = roxmltree::Document::parse(text).map_err(|e| format!("damaged XML: {e}"))?;
+        let document =
+            roxmltree::Document::parse(text).map_err(|e| format!("damaged XML: {}", sentence(&e.to_string())))?;
         from_xml_node(&document.root_element(), 0)
     }
 
