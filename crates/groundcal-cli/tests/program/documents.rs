@@ -181,8 +181,10 @@ fn commands_are_understood() {
     }
     println!("{} commands", all.len());
     assert!(all.len() > 30);
+    // Names that stand for one of several words.
+    let stands_for = |words: &Vec<String>| words.iter().any(|w| ["NAME", "STUDY", "SHELL"].contains(&w.as_str()));
     let mut wrong = String::new();
-    for words in all {
+    for words in all.into_iter().filter(|words| !stands_for(words)) {
         let asked: Vec<String> = words.iter().cloned().chain(["--help".to_string()]).collect();
         let run = groundcal(&asked);
         if run.code != 0 {
