@@ -47,6 +47,14 @@ fn parse_threads(text: &str) -> Result<usize, String> {
     number.ok_or_else(|| "expected a whole number from 1".into())
 }
 
+/// `--overwrite`.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct OverwriteArg {
+    /// Replace files in --out that no run of this program wrote, or that were changed since. Inputs are never replaced
+    #[arg(long, requires = "out")]
+    pub(crate) overwrite: bool,
+}
+
 /// [`LensModel`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DistortionArg {
@@ -169,6 +177,8 @@ pub(crate) fn parse_size(text: &str) -> Result<ImageSize, String> {
 pub(crate) enum PictureFormatArg {
     /// PNG, transparent where nothing was seen
     Png,
+    /// TIFF, zero where nothing was seen (floating point: not a number)
+    Tiff,
     /// JPEG, white where nothing was seen
     Jpeg,
 }
@@ -177,6 +187,7 @@ impl From<PictureFormatArg> for PictureFormat {
     fn from(value: PictureFormatArg) -> Self {
         match value {
             PictureFormatArg::Png => PictureFormat::Png,
+            PictureFormatArg::Tiff => PictureFormat::Tiff,
             PictureFormatArg::Jpeg => PictureFormat::Jpeg,
         }
     }

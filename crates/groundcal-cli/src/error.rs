@@ -6,7 +6,7 @@ use groundcal::{error::Error, remedy::Remedy};
 use groundcal_io::text::{message, shown};
 use serde::Serialize;
 
-use crate::remedies::Flags;
+use crate::{interrupt, remedies::Flags};
 
 /// A calibration, or what else was asked for.
 pub(crate) const SUCCESS: u8 = 0;
@@ -30,6 +30,8 @@ pub(crate) enum CliError {
     Calibration(Error),
     /// Writing failed, or another fault of the surroundings.
     Other(String),
+    /// A signal asked the program to end; the exit code.
+    Stopped(u8),
 }
 
 /// An error as `--json` prints it.
@@ -58,14 +60,14 @@ impl CliError {
     pub(crate) fn of_input(name: &str, error: Error) -> Self {
         match error {
             Error::InvalidInput(what) | Error::InvalidOption(what) => CliError::Input(format!("{name}: {what}")),
-            error => CliError::Calibration(error),
+            error => error.into(),
         }
     }
 
     /// The same, where options are the library's other input.
     pub(crate) fn of_file_and_options(path: &Path, error: Error) -> Self {
         match error {
-            Error::InvalidOption(_) => CliError::Calibration(error),
+            Error::InvalidOption(_) => error.into(),
             error => Self::of_file(path, error),
         }
     }
@@ -77,6 +79,7 @@ impl CliError {
             CliError::Calibration(error) if error.is_degenerate() => UNDETERMINED,
             CliError::Input(_) | CliError::Calibration(Error::InvalidInput(_)) => INPUT,
             CliError::Calibration(_) | CliError::Other(_) => OTHER,
+            CliError::Stopped(code) => *code,
         }
     }
 
@@ -86,6 +89,7 @@ impl CliError {
             CliError::Usage(_) => ("wrong_usage", Vec::new()),
             CliError::Input(_) => ("unusable_input", Vec::new()),
             CliError::Other(_) => ("failed", Vec::new()),
+            CliError::Stopped(_) => ("stopped", Vec::new()),
             CliError::Calibration(error) => (error.code(), error.remedies().iter().map(Remedy::code).collect()),
         };
         ErrorReport { error: Failure { code, message: self.to_string(), remedies } }
@@ -98,13 +102,17 @@ impl std::fmt::Display for CliError {
         match self {
             CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(&message(text)),
             CliError::Calibration(error) => f.write_str(&message(&error.message(&Flags))),
+            CliError::Stopped(_) => f.write_str("interrupted"),
         }
     }
 }
 
 impl From<Error> for CliError {
     fn from(error: Error) -> Self {
-        CliError::Calibration(error)
+        match (error, interrupt::requested()) {
+            (Error::Stopped, Some(code)) => CliError::Stopped(code),
+            (error, _) => CliError::Calibration(error),
+        }
     }
 }
 
@@ -114,6 +122,10 @@ impl From<groundcal_io::error::IoError> for CliError {
         let text = error.to_string();
         match error {
             IoError::Usage(_) => CliError::Usage(text),
+            IoError::WouldReplace { input: true, .. } => CliError::Usage(format!("{text}. Name another folder")),
+            IoError::WouldReplace { .. } => {
+                CliError::Usage(format!("{text}. Name another folder, or give --overwrite to replace them"))
+            }
             IoError::Calibration(error) => CliError::Calibration(error),
             error if error.is_input() => CliError::Input(text),
             _ => CliError::Other(text),

@@ -7,6 +7,7 @@
 mod args;
 mod commands;
 mod error;
+mod interrupt;
 mod output;
 mod progress;
 mod remedies;
@@ -21,6 +22,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 use commands::{calibrate, compare, completions, convert, experiment, man, plan, rectify, render, simulate, undistort};
 use error::CliError;
 use groundcal_io::text;
+
+pub use interrupt::end_on_signals;
 
 /// Runs the program with a command line whose first word is the program's name; gives its exit code.
 ///
@@ -42,6 +45,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let json = cli.command.prints_json();
     match dispatch(cli.command) {
         Ok(()) => error::SUCCESS,
+        Err(CliError::Stopped(code)) => {
+            let _ = writeln!(std::io::stderr(), "interrupted");
+            code
+        }
         Err(error) => {
             // Who reads standard output as JSON gets the error so too.
             if let (true, Ok(text)) = (json, serde_json::to_string_pretty(&error.report())) {

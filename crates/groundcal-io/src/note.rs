@@ -29,6 +29,8 @@ impl Note {
     pub const THINNED_TRACKS: &str = "thinned_tracks";
     /// Points in a corner of the images that their size says.
     pub const POINTS_IN_A_CORNER: &str = "points_in_a_corner";
+    /// A picture written with fewer bits than it has.
+    pub const DEPTH_LOST: &str = "depth_lost";
 
     pub(crate) fn file(code: &'static str, path: &Path, what: impl Into<String>) -> Self {
         Self { code, file: Some(shown(path)), what: what.into() }

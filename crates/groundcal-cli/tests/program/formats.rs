@@ -137,7 +137,7 @@ fn formats_are_chosen_by_name() {
     let out = tempdir().unwrap();
     let run = groundcal(&[&base[..], &["--out", &text(out.path()), "--format", "ros,colmap"]].concat());
     assert_eq!(run.code, 0, "{}", run.stderr);
-    let names: Vec<String> = files_in(out.path()).into_iter().collect();
+    let names: Vec<String> = results_in(out.path()).into_iter().collect();
     let expected = ["calibration.json", "camera_info.yaml", "cameras.txt", "images.txt", "points3D.txt", "report.html"];
     assert_eq!(names, expected);
     // The linear method has no positions: the model loads, without images.
@@ -184,7 +184,7 @@ fn the_tripod_differs_from_its_truth_within_its_errors() {
     for words in ["std. errors", "within their errors", "after the best rotation"] {
         assert!(run.stdout.contains(words), "{}", run.stdout);
     }
-    let names: Vec<String> = files_in(&out).into_iter().collect();
+    let names: Vec<String> = results_in(&out).into_iter().collect();
     assert_eq!(names, ["comparison.json", "difference_1.png", "difference_1.svg"]);
     let json = read_json(&out.join("comparison.json"));
     let c = &json["comparisons"][0];

@@ -10,6 +10,8 @@ mod documents;
 mod experiments;
 mod fisheye;
 mod formats;
+mod kills;
+mod outputs;
 mod plan;
 mod readers;
 mod rectify;
