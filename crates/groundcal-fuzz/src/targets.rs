@@ -27,6 +27,7 @@ use groundcal_io::{
     images::read_image_bytes,
     import::{groundcal_json, read_camera},
     matches::{PairChoice, PointPairs, read_matches, read_pairs},
+    text::message,
 };
 use groundcal_lab::{render_scene, renderer::render::Renderer};
 
@@ -154,7 +155,7 @@ fn pairs(path: &Path) -> Result<String, String> {
 fn scenes(path: &Path) -> Result<String, String> {
     let text = String::from_utf8(bytes(path)?).map_err(|_| "no text")?;
     let scene = render_scene::parse(&text).map_err(|(line, what)| format!("line {}: {what}", line.unwrap_or(0)))?;
-    scene.validate().map_err(|e| e.to_string())?;
+    scene.validate().map_err(|e| message(&e.to_string()))?;
     let few = scene.boxes.random.as_ref().is_none_or(|r| r.count < 30);
     let small = scene.camera.image_size.iter().product::<usize>() < 10_000 && scene.sensor.samples_per_pixel < 5;
     if !(few && small) {

@@ -11,7 +11,12 @@ use image::{
     codecs::{jpeg::JpegEncoder, png::PngEncoder},
 };
 
-use groundcal_io::{error::IoError, file, text::shown, words::words};
+use groundcal_io::{
+    error::IoError,
+    file,
+    text::{plain, shown},
+    words::words,
+};
 
 /// Bytes of a scene file: thousands of views.
 const MAX_SCENE_BYTES: u64 = 4 << 20;
@@ -83,7 +88,7 @@ fn whole_lists(text: &str) -> Result<(), String> {
 pub fn parse(text: &str) -> Result<Scene, (Option<u64>, String)> {
     let line = |e: &toml::de::Error| e.span().map(|at| 1 + text[..at.start].matches('\n').count() as u64);
     let fault = |field: Option<String>, e: &toml::de::Error| {
-        let field = field.filter(|f| f != ".").map_or_else(String::new, |f| format!("{f}: "));
+        let field = field.filter(|f| f != ".").map_or_else(String::new, |f| format!("{}: ", plain(&f)));
         (line(e), format!("{field}{}", words(e.message())))
     };
     let file = toml::de::Deserializer::parse(text).map_err(|e| fault(None, &e))?;
