@@ -1,5 +1,7 @@
 //! Values of arguments that several commands share.
 
+use std::path::Path;
+
 use clap::{Args, ValueEnum};
 use groundcal::{
     calibrate::{LensModel, MotionModel},
@@ -9,16 +11,40 @@ use groundcal::{
         linear_camera::{GivenPrior, PriorParameter},
     },
 };
-use groundcal_io::{export::Format, import::ImportedCamera, pictures::PictureFormat};
+use groundcal_io::{
+    export::Format,
+    import::ImportedCamera,
+    limits::{MAX_PIXELS, SIDES_PX},
+    pictures::PictureFormat,
+    text::shown,
+};
 
 use crate::error::CliError;
 
 /// `--threads`.
 #[derive(Debug, Clone, Copy, Args)]
 pub(crate) struct ThreadsArg {
-    /// Threads [default: all processors]; the result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub(crate) threads: Option<u16>,
+    /// Threads [default: all processors, which are also the most that are used]; the result does not depend on it
+    #[arg(long, value_name = "N", value_parser = parse_threads)]
+    threads: Option<usize>,
+}
+
+/// Threads that do no harm on any machine; fewer processors than that are no reason to use fewer than was asked for.
+const HARMLESS_THREADS: usize = 8;
+
+impl ThreadsArg {
+    /// How many were asked for, as far as they help.
+    pub(crate) fn count(self) -> Option<usize> {
+        let most = std::thread::available_parallelism().map_or(1, usize::from).max(HARMLESS_THREADS);
+        self.threads.map(|n| n.min(most))
+    }
+}
+
+fn parse_threads(text: &str) -> Result<usize, String> {
+    let digits = !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    // More than any number holds is more than helps.
+    let number = digits.then(|| text.parse().unwrap_or(usize::MAX)).filter(|n| *n > 0);
+    number.ok_or_else(|| "expected a whole number from 1".into())
 }
 
 /// `--overwrite`.
@@ -138,9 +164,13 @@ pub(crate) fn parse_height(text: &str) -> Result<f64, String> {
 /// `WxH` in pixels.
 pub(crate) fn parse_size(text: &str) -> Result<ImageSize, String> {
     let (w, h) = text.split_once(['x', 'X']).ok_or("expected WxH in pixels, for example 1280x960")?;
-    let side = |s: &str| s.trim().parse::<usize>().ok().filter(|v| (2..=100_000).contains(v));
-    let wrong = "width and height must be whole numbers from 2 to 100000";
-    Ok(ImageSize::new(side(w).ok_or(wrong)?, side(h).ok_or(wrong)?))
+    let side = |s: &str| s.trim().parse::<u64>().ok().filter(|v| SIDES_PX.contains(v));
+    let wrong = || format!("width and height must be whole numbers from {} to {}", SIDES_PX.start(), SIDES_PX.end());
+    let (w, h) = (side(w).ok_or_else(wrong)?, side(h).ok_or_else(wrong)?);
+    if w * h > MAX_PIXELS {
+        return Err(format!("images of at most {} megapixels are read", MAX_PIXELS / 1_000_000));
+    }
+    Ok(ImageSize::new(w as usize, h as usize))
 }
 
 /// [`PictureFormat`] on the command line.
@@ -195,9 +225,35 @@ impl From<FormatArg> for Format {
 }
 
 /// The camera of a file that has to say the size of its images.
-pub(crate) fn camera_of(file: &str, imported: &ImportedCamera) -> Result<Camera, CliError> {
+pub(crate) fn camera_of(file: &Path, imported: &ImportedCamera) -> Result<Camera, CliError> {
     let size = imported.size.ok_or_else(|| {
-        CliError::Input(format!("{file}: the size of the images is not said. Add image_width and image_height"))
+        CliError::Input(format!(
+            "{}: the size of the images is not said. Add image_width and image_height",
+            shown(file)
+        ))
     })?;
     Ok(Camera { size, intrinsics: imported.intrinsics, lens: imported.lens })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn threads_are_capped_at_what_helps() {
+        let count = |text: &str| ThreadsArg { threads: Some(parse_threads(text).unwrap()) }.count();
+        assert_eq!(count("3"), Some(3));
+        assert_eq!(count("99999999999999999999999"), count("100000"));
+        assert!(count("100000") < Some(10_000));
+        for wrong in ["0", "", "-1", "+1", "two", "1.5"] {
+            assert!(parse_threads(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn sizes_have_the_limits_of_images() {
+        assert_eq!(parse_size("1280x960"), Ok(ImageSize::new(1280, 960)));
+        assert!(parse_size("100000x100000").unwrap_err().contains("megapixels"));
+        assert!(parse_size("1x960").unwrap_err().contains("from 2 to 100000"));
+    }
 }

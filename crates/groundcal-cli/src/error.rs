@@ -1,5 +1,11 @@
 //! What ends the program early, and its exit code.
 
+use std::path::Path;
+
+use groundcal::{error::Error, remedy::Remedy};
+use groundcal_io::text::{message, shown};
+use serde::Serialize;
+
 use crate::{interrupt, remedies::Flags};
 
 /// A calibration, or what else was asked for.
@@ -21,17 +27,53 @@ pub(crate) enum CliError {
     /// A file or folder cannot be read or does not hold what it should.
     Input(String),
     /// The library's word.
-    Calibration(groundcal::error::Error),
+    Calibration(Error),
     /// Writing failed, or another fault of the surroundings.
     Other(String),
     /// A signal asked the program to end; the exit code.
     Stopped(u8),
 }
 
+/// An error as `--json` prints it.
+#[derive(Debug, Serialize)]
+pub(crate) struct ErrorReport {
+    error: Failure,
+}
+
+#[derive(Debug, Serialize)]
+struct Failure {
+    /// Stable name.
+    code: &'static str,
+    /// What standard error says.
+    message: String,
+    /// Stable names of what to do, any of which helps.
+    remedies: Vec<&'static str>,
+}
+
 impl CliError {
+    /// The library's word on what a file holds, whatever it took it for: input, said of the file.
+    pub(crate) fn of_file(path: &Path, error: Error) -> Self {
+        Self::of_input(&shown(path), error)
+    }
+
+    /// The same of what has a name of its own.
+    pub(crate) fn of_input(name: &str, error: Error) -> Self {
+        match error {
+            Error::InvalidInput(what) | Error::InvalidOption(what) => CliError::Input(format!("{name}: {what}")),
+            error => error.into(),
+        }
+    }
+
+    /// The same, where options are the library's other input.
+    pub(crate) fn of_file_and_options(path: &Path, error: Error) -> Self {
+        match error {
+            Error::InvalidOption(_) => error.into(),
+            error => Self::of_file(path, error),
+        }
+    }
+
     /// The program's exit code.
     pub(crate) fn exit_code(&self) -> u8 {
-        use groundcal::error::Error;
         match self {
             CliError::Usage(_) | CliError::Calibration(Error::InvalidOption(_)) => USAGE,
             CliError::Calibration(error) if error.is_degenerate() => UNDETERMINED,
@@ -40,22 +82,35 @@ impl CliError {
             CliError::Stopped(code) => *code,
         }
     }
+
+    /// For `--json`.
+    pub(crate) fn report(&self) -> ErrorReport {
+        let (code, remedies) = match self {
+            CliError::Usage(_) => ("wrong_usage", Vec::new()),
+            CliError::Input(_) => ("unusable_input", Vec::new()),
+            CliError::Other(_) => ("failed", Vec::new()),
+            CliError::Stopped(_) => ("stopped", Vec::new()),
+            CliError::Calibration(error) => (error.code(), error.remedies().iter().map(Remedy::code).collect()),
+        };
+        ErrorReport { error: Failure { code, message: self.to_string(), remedies } }
+    }
 }
 
+/// Fit for a terminal, whatever names and files hold.
 impl std::fmt::Display for CliError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(text),
-            CliError::Calibration(error) => f.write_str(&error.message(&Flags)),
+            CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(&message(text)),
+            CliError::Calibration(error) => f.write_str(&message(&error.message(&Flags))),
             CliError::Stopped(_) => f.write_str("interrupted"),
         }
     }
 }
 
-impl From<groundcal::error::Error> for CliError {
-    fn from(error: groundcal::error::Error) -> Self {
+impl From<Error> for CliError {
+    fn from(error: Error) -> Self {
         match (error, interrupt::requested()) {
-            (groundcal::error::Error::Stopped, Some(code)) => CliError::Stopped(code),
+            (Error::Stopped, Some(code)) => CliError::Stopped(code),
             (error, _) => CliError::Calibration(error),
         }
     }
@@ -64,7 +119,6 @@ impl From<groundcal::error::Error> for CliError {
 impl From<groundcal_io::error::IoError> for CliError {
     fn from(error: groundcal_io::error::IoError) -> Self {
         use groundcal_io::error::IoError;
-        // The error's own words are fit to be shown, whatever names and files hold.
         let text = error.to_string();
         match error {
             IoError::Usage(_) => CliError::Usage(text),
@@ -93,5 +147,29 @@ impl From<groundcal_lab::error::LabError> for CliError {
             LabError::Files(error) => error.into(),
             other => CliError::Other(other.to_string()),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_values_too() {
+        let report = |error: CliError| serde_json::to_value(error.report()).unwrap()["error"].clone();
+        let degenerate = report(Error::TooFewImages { found: 1 }.into());
+        assert_eq!(degenerate["code"], "too_few_images");
+        assert_eq!(degenerate["remedies"], serde_json::json!(["take_second_image"]));
+        assert!(degenerate["message"].as_str().unwrap().starts_with("1 image: "));
+        assert_eq!(report(CliError::Other("x\u{1b}[2J".into()))["message"], r"x\u{1b}[2J");
+    }
+
+    #[test]
+    fn what_a_file_holds_is_never_an_option() {
+        let option = || Error::InvalidOption("attitude sigma 50 degrees".into());
+        let error = CliError::of_file(Path::new("a/b.json"), option());
+        assert_eq!((error.exit_code(), error.to_string()), (INPUT, "a/b.json: attitude sigma 50 degrees".into()));
+        assert_eq!(CliError::of_file_and_options(Path::new("b"), option()).exit_code(), USAGE);
+        assert_eq!(CliError::of_file(Path::new("b"), Error::TooFewImages { found: 1 }).exit_code(), UNDETERMINED);
     }
 }

@@ -21,6 +21,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{calibrate, compare, completions, convert, experiment, man, plan, rectify, render, simulate, undistort};
 use error::CliError;
+use groundcal_io::text;
 
 pub use interrupt::end_on_signals;
 
@@ -33,14 +34,15 @@ pub use interrupt::end_on_signals;
 /// assert_eq!(groundcal_cli::run(["groundcal", "calibrate"].map(Into::into)), 2);
 /// ```
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = match Cli::try_parse_from(args) {
+    let args: Vec<OsString> = args.into_iter().collect();
+    let cli = match Cli::try_parse_from(&args) {
         Ok(cli) => cli,
         Err(error) => {
-            // Help and version are answers, on standard output.
-            let _ = error.print();
+            print_words_of_clap(&args, &error);
             return u8::try_from(error.exit_code()).unwrap_or(error::OTHER);
         }
     };
+    let json = cli.command.prints_json();
     match dispatch(cli.command) {
         Ok(()) => error::SUCCESS,
         Err(CliError::Stopped(code)) => {
@@ -48,10 +50,27 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             code
         }
         Err(error) => {
+            // Who reads standard output as JSON gets the error so too.
+            if let (true, Ok(text)) = (json, serde_json::to_string_pretty(&error.report())) {
+                let _ = output::print_json(&(text + "\n"));
+            }
             let mark = if std::io::stderr().is_terminal() { "\u{1b}[31merror\u{1b}[0m" } else { "error" };
             let _ = writeln!(std::io::stderr(), "{mark}: {error}");
             error.exit_code()
         }
+    }
+}
+
+/// Help and version on standard output, errors on standard error. Arguments that errors repeat may hold anything; then they are shown
+/// without colours.
+fn print_words_of_clap(args: &[OsString], error: &clap::Error) {
+    let plain = |arg: &OsString| arg.to_str().is_some_and(|text| text::message(text) == text);
+    if !error.use_stderr() || args.iter().all(plain) {
+        let _ = error.print();
+        return;
+    }
+    for line in error.render().to_string().trim_end().lines() {
+        output::tell(line);
     }
 }
 
@@ -115,6 +134,18 @@ enum Command {
     Completions(completions::CompletionsArgs),
     /// Manual pages
     Man(man::ManArgs),
+}
+
+impl Command {
+    /// Whether standard output is to be JSON.
+    fn prints_json(&self) -> bool {
+        match self {
+            Command::Calibrate(args) => args.json,
+            Command::Plan(args) => args.json,
+            Command::Compare(args) => args.json,
+            _ => false,
+        }
+    }
 }
 
 #[cfg(test)]

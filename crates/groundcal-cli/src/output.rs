@@ -4,7 +4,7 @@ use std::{io::Write, path::Path};
 
 use groundcal_io::{
     outputs::{self, Outputs, Request, Written},
-    text::{self, plain},
+    text::{self, message, plain, printable_json, printable_lines},
 };
 use groundcal_report::canvas::{Canvas, Ink, png, svg};
 
@@ -17,8 +17,18 @@ pub(crate) const PAGE: &str = "report.html";
 /// Names of files that are told.
 const NAMES_SHOWN: usize = 12;
 
+/// A page to standard output; names in it have no control characters.
+pub(crate) fn print(page: &str) -> Result<(), CliError> {
+    print_as_it_is(&printable_lines(page))
+}
+
+/// JSON to standard output.
+pub(crate) fn print_json(json: &str) -> Result<(), CliError> {
+    print_as_it_is(&printable_json(json))
+}
+
 /// To standard output; a reader that has had enough (`| head`) is no fault.
-pub(crate) fn print(text: &str) -> Result<(), CliError> {
+pub(crate) fn print_as_it_is(text: &str) -> Result<(), CliError> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(CliError::Other(format!("cannot write the result: {e}")))
@@ -27,9 +37,9 @@ pub(crate) fn print(text: &str) -> Result<(), CliError> {
     }
 }
 
-/// A line to standard error.
+/// A line to standard error, fit for a terminal whatever names it holds.
 pub(crate) fn tell(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{text}");
+    let _ = writeln!(std::io::stderr(), "{}", message(text));
 }
 
 /// A remark to standard error.
@@ -111,9 +121,9 @@ pub(crate) fn on_threads<T: Send>(
     threads: ThreadsArg,
     work: impl FnOnce() -> Result<T, CliError> + Send,
 ) -> Result<T, CliError> {
-    let Some(threads) = threads.threads else { return work() };
+    let Some(threads) = threads.count() else { return work() };
     rayon::ThreadPoolBuilder::new()
-        .num_threads(usize::from(threads))
+        .num_threads(threads)
         .build()
         .map_err(|e| CliError::Other(format!("cannot start {threads} threads: {e}")))?
         .install(work)

@@ -4,20 +4,20 @@ use std::path::Path;
 
 use groundcal::error::Error;
 
-use crate::text::{printable, shown};
+use crate::text::{message, shown};
 
 /// What reading and writing can end with. Messages have no control characters, whatever names and files hold.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum IoError {
     /// What was named contradicts itself or names nothing.
-    #[error("{}", printable(.0))]
+    #[error("{}", message(.0))]
     Usage(String),
     /// Input that cannot be read or used, where no single file is at fault.
-    #[error("{}", printable(.0))]
+    #[error("{}", message(.0))]
     Input(String),
     /// A file or folder that cannot be read or does not hold what it should.
-    #[error("{}{}: {}", printable(.file), place(*.line), printable(.what))]
+    #[error("{}{}: {}", message(.file), place(*.line), message(.what))]
     File {
         /// Its path, fit to be shown.
         file: String,
@@ -40,7 +40,7 @@ pub enum IoError {
         input: bool,
     },
     /// Writing failed, or another fault of the surroundings.
-    #[error("{}", printable(.0))]
+    #[error("{}", message(.0))]
     Other(String),
 }
 

@@ -74,7 +74,10 @@ pub(crate) fn bytes(path: &Path, most: u64) -> Result<Vec<u8>, IoError> {
 }
 
 /// The text of a file that has at most `most` bytes: UTF-8, or UTF-16 with its mark. `hint` says what was expected.
-pub(crate) fn text(path: &Path, most: u64, hint: &str) -> Result<String, IoError> {
+///
+/// # Errors
+/// [`IoError::File`] for what is no file, cannot be read, is larger or no text.
+pub fn text(path: &Path, most: u64, hint: &str) -> Result<String, IoError> {
     let bytes = bytes(path, most)?;
     let utf16 = |units: Vec<u16>| {
         String::from_utf16(&units).map_err(|_| IoError::file(path, format!("no text: damaged UTF-16. {hint}")))

@@ -14,7 +14,7 @@
 
 pub mod error;
 pub mod export;
-mod file;
+pub mod file;
 pub mod images;
 pub mod import;
 pub mod inputs;
@@ -26,3 +26,4 @@ pub mod outputs;
 pub mod pictures;
 pub mod text;
 pub mod view_files;
+pub mod words;

@@ -65,7 +65,8 @@ pub fn image_names(files: &[PathBuf]) -> Vec<String> {
 /// assert_eq!(stems(&["x/a.png".into(), "y/a.png".into(), "x/a_png_1.png".into()], &[]), ["a_png_2", "a_png_3", "a_png_1"]);
 /// ```
 pub fn stems(files: &[PathBuf], reserved: &[&str]) -> Vec<String> {
-    let text = |name: Option<&OsStr>| name.map_or_else(String::new, name_text);
+    // A backslash, as what is written out has it, is no part of a file name everywhere.
+    let text = |name: Option<&OsStr>| name.map_or_else(String::new, name_text).replace('\\', "_");
     let of_stem = |f: &PathBuf| text(f.file_stem());
     let of_file = |f: &PathBuf| text(f.file_name()).replace('.', "_");
     let mut taken: HashSet<String> = reserved.iter().map(|r| r.to_lowercase()).collect();
@@ -122,6 +123,7 @@ mod tests {
     fn names_of_what_is_made_are_told_apart() {
         let of = |names: &[&str]| stems(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &["map_x"]);
         assert_eq!(of(&["x/a.jpg", "x/b.png"]), ["a", "b"]);
+        assert_eq!(of(&["a\u{7}.jpg", "a_u{7}.png"]), ["a_u{7}_jpg", "a_u{7}_png"]);
         assert_eq!(of(&["x/a.jpg", "x/a.png"]), ["a_jpg", "a_png"]);
         assert_eq!(of(&["x/a.jpg", "y/a.jpg"]), ["a_jpg_1", "a_jpg_2"]);
         assert_eq!(of(&["x/a.jpg", "x/A.png", "x/a_JPG.png"]), ["a_jpg_1", "A_png", "a_JPG"]);

@@ -25,6 +25,10 @@ impl Note {
     /// One of several pages.
     pub const SEVERAL_PAGES: &str = "several_pages";
 
+    /// Tracks left out because there are very many.
+    pub const THINNED_TRACKS: &str = "thinned_tracks";
+    /// Points in a corner of the images that their size says.
+    pub const POINTS_IN_A_CORNER: &str = "points_in_a_corner";
     /// A picture written with fewer bits than it has.
     pub const DEPTH_LOST: &str = "depth_lost";
 

@@ -1,7 +1,8 @@
 //! Words from outside (names of files, contents of files) as they may be shown: no control characters, no endless values.
 //!
 //! A name may hold an escape sequence that clears the terminal, or the mark that turns the direction of writing; a file may hold
-//! a "number" of a million digits. [`printable`] is for whole messages, [`quoted`] for values, [`shown`] for paths.
+//! a "number" of a million digits. [`message`] is for whole messages, [`printable_lines`] for pages, [`quoted`] for values, [`shown`] for
+//! paths.
 
 use std::{borrow::Cow, ffi::OsStr, path::Path};
 
@@ -30,6 +31,38 @@ pub fn printable(text: &str) -> Cow<'_, str> {
         if is_unseen(c) { out.extend(c.escape_default()) } else { out.push(c) }
     }
     Cow::Owned(out)
+}
+
+/// The text with control characters but line ends written out: for pages of several lines.
+pub fn printable_lines(text: &str) -> Cow<'_, str> {
+    if !text.contains(|c| is_unseen(c) && c != '\n') {
+        return Cow::Borrowed(text);
+    }
+    Cow::Owned(text.split('\n').map(printable).collect::<Vec<_>>().join("\n"))
+}
+
+/// JSON with what is not seen in its strings written out: the same values.
+///
+/// ```
+/// assert_eq!(groundcal_io::text::printable_json("[\"\u{9b}2J\"]\n"), "[\"\\u009b2J\"]\n");
+/// ```
+pub fn printable_json(text: &str) -> Cow<'_, str> {
+    if !text.contains(|c| is_unseen(c) && c != '\n') {
+        return Cow::Borrowed(text);
+    }
+    let mut out = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        // All of them have four digits, and stand in strings: elsewhere JSON has none but blanks.
+        if is_unseen(c) && c != '\n' { out += &format!("\\u{:04x}", u32::from(c)) } else { out.push(c) }
+    }
+    Cow::Owned(out)
+}
+
+/// A message: printable, and no word of it (a path, a name, a number) endless.
+pub fn message(text: &str) -> String {
+    let text = printable(text);
+    let words: Vec<Cow<'_, str>> = text.split(' ').map(|word| shortened(word, MAX_PATH)).collect();
+    words.join(" ")
 }
 
 /// At most `count` characters: the beginning and the end, with dots between.
@@ -95,6 +128,15 @@ mod tests {
         let long = quoted(&"7".repeat(1_000_000));
         assert!(long.len() < 70 && long.contains("..."), "{long}");
         assert_eq!(plain(&"ä".repeat(60)), "ä".repeat(60));
+    }
+
+    #[test]
+    fn pages_keep_their_lines_and_messages_stay_short() {
+        assert_eq!(printable_lines("a\u{1b}b\r\nc\n"), "a\\u{1b}b\\r\nc\n");
+        let long = message(&format!("{} pixels of {}", "9".repeat(5000), "ä".repeat(5000)));
+        assert!(long.chars().count() < 520 && long.contains(" pixels of "), "{long}");
+        let json = printable_json("{\"a\u{202e}\": \"\u{feff}\"}");
+        assert_eq!(json, r#"{"a\u202e": "\ufeff"}"#);
     }
 
     #[cfg(unix)]

@@ -11,7 +11,15 @@ use image::{
     codecs::{jpeg::JpegEncoder, png::PngEncoder},
 };
 
-use groundcal_io::error::IoError;
+use groundcal_io::{
+    error::IoError,
+    file,
+    text::{plain, shown},
+    words::words,
+};
+
+/// Bytes of a scene file: thousands of views.
+const MAX_SCENE_BYTES: u64 = 4 << 20;
 
 /// A scene and the name it has in messages.
 #[derive(Debug, Clone)]
@@ -29,12 +37,12 @@ impl SceneFile {
     /// # Errors
     /// [`IoError::Input`] when it cannot be read or is no scene.
     pub fn read(path: &Path) -> Result<Self, IoError> {
-        let name = path.display().to_string();
-        let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
-        let text = std::fs::read_to_string(path).map_err(|e| wrong(&format!("cannot be read: {e}")))?;
-        let scene: Scene = toml::from_str(&text).map_err(|e| wrong(&format!("not a scene file: {e}")))?;
-        scene.validate().map_err(|e| wrong(&e))?;
-        Ok(Self { scene, name })
+        let wrong = |line: Option<u64>, what: String| IoError::File { file: shown(path), line, what };
+        let text = file::text(path, MAX_SCENE_BYTES, "Not a scene file")?;
+        let scene = parse(&text).map_err(|(line, what)| wrong(line, format!("not a scene file: {what}")))?;
+        scene.validate().map_err(|e| wrong(None, e.to_string()))?;
+        whole_lists(&text).map_err(|e| wrong(None, format!("not a scene file: {e}")))?;
+        Ok(Self { scene, name: shown(path) })
     }
 
     /// Names of the files it makes: its pictures, and `truth.json`.
@@ -63,6 +71,28 @@ pub(crate) const TRUTH: &str = "truth.json";
 /// Names of a scene's files.
 pub(crate) fn file_names(scene: &Scene) -> Vec<String> {
     scene.views().map(|(_, view)| view.file.clone()).chain([TRUTH.to_string()]).collect()
+}
+
+/// Refuses lists that are too long, whose ends TOML's reader drops.
+fn whole_lists(text: &str) -> Result<(), String> {
+    let value: toml::Value = toml::from_str(text).map_err(|e| words(e.message()))?;
+    let value = serde_json::to_value(value).map_err(|e| words(&e.to_string()))?;
+    let read: Result<Scene, _> = serde_path_to_error::deserialize(value);
+    read.map(|_| ()).map_err(|e| format!("{}: {}", e.path(), words(&e.inner().to_string())))
+}
+
+/// A scene file's text; the error has the line, where it is one, and what is wrong there.
+///
+/// # Errors
+/// What is no scene; [`Scene::validate`] judges the numbers.
+pub fn parse(text: &str) -> Result<Scene, (Option<u64>, String)> {
+    let line = |e: &toml::de::Error| e.span().map(|at| 1 + text[..at.start].matches('\n').count() as u64);
+    let fault = |field: Option<String>, e: &toml::de::Error| {
+        let field = field.filter(|f| f != ".").map_or_else(String::new, |f| format!("{}: ", plain(&f)));
+        (line(e), format!("{field}{}", words(e.message())))
+    };
+    let file = toml::de::Deserializer::parse(text).map_err(|e| fault(None, &e))?;
+    serde_path_to_error::deserialize(file).map_err(|e| fault(Some(e.path().to_string()), e.inner()))
 }
 
 /// A picture of a scene.
@@ -171,7 +201,10 @@ mod tests {
         };
         assert!(message(&SCENE.replace("fx = 50", "fx = -1")).contains("camera.fx = -1.0: must be positive"));
         let text = message(&SCENE.replace("fx = 50", "focal = 50"));
-        assert!(text.contains("focal") && text.contains("line 4"), "{text}");
+        assert!(text.contains("focal") && text.contains("scene.toml line 4"), "{text}");
+        let text = message(&SCENE.replace("fx = 50", "fx = \"wide\""));
+        assert!(text.contains("line 4: not a scene file: camera.fx: found the text \"wide\", expected"), "{text}");
+        assert!(!text.contains("f64"), "{text}");
         assert!(SceneFile::read(&folder.path().join("none.toml")).unwrap_err().to_string().contains("none.toml"));
     }
 }

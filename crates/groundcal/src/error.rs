@@ -112,6 +112,25 @@ impl Error {
         !matches!(self, Error::InvalidInput(_) | Error::InvalidOption(_) | Error::Numerical { .. } | Error::Stopped)
     }
 
+    /// Short name, stable across versions.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Error::InvalidInput(_) => "unusable_input",
+            Error::InvalidOption(_) => "unusable_option",
+            Error::TooFewImages { .. } => "too_few_images",
+            Error::TooFewMatches { .. } => "too_few_matches",
+            Error::DegeneratePoints { .. } => "degenerate_points",
+            Error::NoCommonPlane { .. } => "no_common_plane",
+            Error::NoUsableMotion { .. } => "no_usable_motion",
+            Error::TooFewAttitudes { .. } => "too_few_attitudes",
+            Error::Undetermined { .. } => "undetermined",
+            Error::NotPositiveDefinite { .. } => "not_positive_definite",
+            Error::Unsound { .. } => "unsound",
+            Error::Stopped => "stopped",
+            Error::Numerical { .. } => "numerical",
+        }
+    }
+
     /// What is wrong, with numbers.
     pub fn finding(&self) -> String {
         let plural = |n: usize| if n == 1 { "" } else { "s" };

@@ -17,8 +17,8 @@ use groundcal_io::{
     inputs::{Inputs, find_inputs},
     matches::{PairChoice, read_matches, read_pairs},
     names::image_names,
-    note::Note,
     outputs::Request,
+    text::shown,
 };
 use groundcal_report::{
     html,
@@ -51,7 +51,7 @@ determine what was asked, 4 unreadable or unusable input, 1 anything else.")]
 pub(crate) struct CalibrateArgs {
     /// Folders, image files (JPEG, PNG, TIFF, WebP), glob patterns, or one matches.csv / tracks.csv
     #[arg(required = true, value_name = "INPUT")]
-    pub(crate) inputs: Vec<String>,
+    pub(crate) inputs: Vec<PathBuf>,
 
     /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
     #[arg(long, value_name = "FILE")]
@@ -231,12 +231,12 @@ fn calibrate(args: &CalibrateArgs, inputs: Inputs, results: Option<Results>) -> 
         finished = Some(results.finish()?);
         times.push(("writing", start.elapsed()));
     }
-    let page = if args.json {
-        export::json(&calibration, &Flags)?
+    if args.json {
+        output::print_json(&export::json(&calibration, &Flags)?)?;
     } else {
-        text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() }, &Flags)
-    };
-    output::print(&page)?;
+        let options = SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() };
+        output::print(&text::summary(&calibration, &options, &Flags))?;
+    }
     if let Some(finished) = finished {
         finished.tell();
     }
@@ -283,17 +283,22 @@ fn from_inputs(args: &CalibrateArgs, inputs: Inputs, progress: &StageTimes) -> R
         }
         Inputs::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
-                CliError::Usage(format!("{}: give the size of the images with --image-size WxH", path.display()))
+                CliError::Usage(format!("{}: give the size of the images with --image-size WxH", shown(&path)))
             })?;
             let choice = match &args.pairs {
                 Some(list) => PairChoice::Listed(list),
                 None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
             };
             let table = read_matches(&path, size, choice)?;
+            // Before minutes of work.
+            for note in &table.notes {
+                output::note(&note.to_string());
+            }
             let notes = take_known_lens(args, size, &mut options)?;
             options.pairs.clone_from(&table.listed);
             let count = table.names.len();
-            let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)?;
+            let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)
+                .map_err(|e| CliError::of_file_and_options(&path, e))?;
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }

@@ -22,7 +22,7 @@ use crate::{
 use groundcal_io::{
     import::{self, ImportedCamera},
     outputs::Request,
-    text::plain,
+    text::{name_text, shown},
 };
 use groundcal_report::{
     comparison::{self, ComparedCamera, Comparison, Comparisons, Joint, ParameterDifference, Reprojection},
@@ -46,7 +46,7 @@ estimates the camera's pose with it.")]
 pub(crate) struct CompareArgs {
     /// Two or more files of cameras; each is compared with the first
     #[arg(required = true, num_args = 2.., value_name = "FILE")]
-    pub(crate) files: Vec<String>,
+    pub(crate) files: Vec<PathBuf>,
 
     /// Folder for comparison.json and the pictures difference_N.svg and .png (made if need be)
     #[arg(long, value_name = "DIR")]
@@ -74,7 +74,11 @@ pub(crate) fn run(args: &CompareArgs) -> Result<(), CliError> {
     for note in notes {
         output::note(&note);
     }
-    output::print(&text)?;
+    if args.json {
+        output::print_json(&text)?
+    } else {
+        output::print(&text)?
+    }
     if let Some(finished) = finished {
         finished.tell();
     }
@@ -109,14 +113,15 @@ fn picture(camera: usize) -> String {
 /// What goes to standard output, notes for standard error, and what was written.
 fn compared(args: &CompareArgs, results: Option<Results>) -> Result<(String, Vec<String>, Option<Finished>), CliError> {
     let cameras = args.files.iter().map(import::read_camera).collect::<Result<Vec<ImportedCamera>, _>>()?;
-    let of = |(file, camera): (&String, &ImportedCamera)| {
-        camera.notes.iter().map(|n| format!("{}: {n}", plain(file))).collect::<Vec<_>>()
+    let names: Vec<String> = args.files.iter().map(|f| name_text(f.as_os_str())).collect();
+    let of = |(file, camera): (&PathBuf, &ImportedCamera)| {
+        camera.notes.iter().map(|n| format!("{}: {n}", shown(file))).collect::<Vec<_>>()
     };
     let notes: Vec<String> = args.files.iter().zip(&cameras).flat_map(of).collect();
     let known = cameras.iter().find_map(|c| c.size).ok_or_else(|| {
         CliError::Input(format!(
             "{}: none of the files says the size of the images. Add image_width and image_height to one",
-            args.files.join(", ")
+            names.join(", ")
         ))
     })?;
     let with_size = |camera: &ImportedCamera| Camera {
@@ -124,7 +129,7 @@ fn compared(args: &CompareArgs, results: Option<Results>) -> Result<(String, Vec
         covariance: camera.covariance.clone(),
     };
     let report = |i: usize, size: ImageSize| ComparedCamera {
-        file: args.files[i].clone(),
+        file: names[i].clone(),
         format: cameras[i].format,
         image_size: [size.width, size.height],
         lens: cameras[i].lens.name(),
@@ -135,12 +140,12 @@ fn compared(args: &CompareArgs, results: Option<Results>) -> Result<(String, Vec
     let mut pictures = Vec::new();
     for (i, imported) in cameras.iter().enumerate().skip(1) {
         let camera = with_size(imported);
-        let (camera, scaled_from) = scaled(camera, size)
-            .map_err(|what| CliError::Input(format!("{} and {}: {what}", args.files[0], args.files[i])))?;
+        let (camera, scaled_from) =
+            scaled(camera, size).map_err(|what| CliError::Input(format!("{} and {}: {what}", names[0], names[i])))?;
         let difference = camera_difference(&reference.model, &camera.model)
-            .map_err(|e| CliError::Input(format!("{} and {}: {e}", args.files[0], args.files[i])))?;
+            .map_err(|e| CliError::of_input(&format!("{} and {}", names[0], names[i]), e))?;
         if args.out.is_some() {
-            pictures.push(comparison::figure(&args.files[0], &args.files[i], size, &difference));
+            pictures.push(comparison::figure(&names[0], &names[i], size, &difference));
         }
         comparisons.push(Comparison {
             camera: report(i, size),

@@ -19,7 +19,7 @@ pub(crate) struct CompletionsArgs {
 
 /// Prints the completion script of a shell.
 pub(crate) fn run(args: &CompletionsArgs, program: clap::Command) -> Result<(), CliError> {
-    output::print(&script(args.shell, program))
+    output::print_as_it_is(&script(args.shell, program))
 }
 
 /// The completion script of a shell.

@@ -26,7 +26,7 @@ cannot hold is left out and said. Exit codes: 0 files, 2 wrong usage, 4 unreadab
 pub(crate) struct ConvertArgs {
     /// A file of a camera; FILE#NAME names one of several
     #[arg(value_name = "FILE")]
-    pub(crate) camera: String,
+    pub(crate) camera: PathBuf,
 
     /// Folder for the files (made if need be)
     #[arg(long, value_name = "DIR")]

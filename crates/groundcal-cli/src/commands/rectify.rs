@@ -20,6 +20,7 @@ use groundcal_io::{
     names::stems,
     outputs::{Request, sha256},
     pictures::{self, Encode, Picture, PictureFormat, PictureReader},
+    text::shown,
     view_files::{ViewFiles, look_beside, match_files},
 };
 
@@ -46,7 +47,7 @@ pub(crate) struct RectifyArgs {
     /// The images of the calibration: folders, files, glob patterns [default: looked for beside calibration.json and in the current
     /// folder]
     #[arg(value_name = "IMAGES")]
-    pub(crate) inputs: Vec<String>,
+    pub(crate) inputs: Vec<PathBuf>,
 
     /// Folder for the pictures (made if need be)
     #[arg(long, value_name = "DIR")]
@@ -157,12 +158,12 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>, Finished), Cl
     let calibration = groundcal_json::read(&args.calibration)?;
     let camera_height_m = args.camera_height.or(calibration.camera_height_m);
     let scale = args.camera_height.map_or(1.0, |h| h / calibration.camera_height_m.unwrap_or(1.0));
-    let placed = placed(&calibration, scale)?;
+    let placed = placed(&calibration, scale).map_err(|e| CliError::of_file(&args.calibration, e))?;
     if args.mosaic && placed.iter().all(|p| p.origin.is_none()) {
         return Err(CliError::Input(format!(
             "{}: the views have attitudes but no positions ({}), so there is no common floor to lay them on. Calibrate without \
              --method linear, or leave --mosaic out to rectify each view by itself",
-            args.calibration.display(),
+            shown(&args.calibration),
             match calibration.method {
                 Method::Linear => "--method linear",
                 Method::Rotating => "--method rotating",
@@ -243,8 +244,8 @@ fn found(args: &RectifyArgs, placed: Vec<Placed>) -> Result<(Vec<Found>, Vec<Str
         format!(
             "no image of the calibration ({missing}) is beside it or in the current folder. Name their folder: groundcal rectify {} \
              FOLDER --out {}",
-            args.calibration.display(),
-            args.out.display()
+            shown(&args.calibration),
+            shown(&args.out)
         )
     } else {
         format!(

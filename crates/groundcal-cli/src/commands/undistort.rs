@@ -18,6 +18,7 @@ use groundcal_io::{
     names::stems,
     outputs::{Request, sha256},
     pictures::{self, Encode, Picture, PictureFormat, PictureReader},
+    text::shown,
 };
 
 use crate::{
@@ -40,11 +41,11 @@ wrong usage, 4 unreadable or unusable input, 1 anything else.")]
 pub(crate) struct UndistortArgs {
     /// calibration.json of `groundcal calibrate --out` or the folder it is in, or a camera file that `groundcal compare` reads
     #[arg(value_name = "CAMERA")]
-    pub(crate) calibration: String,
+    pub(crate) calibration: PathBuf,
 
     /// Images of the camera: folders, files, glob patterns (none with --maps alone)
     #[arg(value_name = "IMAGES", required_unless_present = "maps")]
-    pub(crate) inputs: Vec<String>,
+    pub(crate) inputs: Vec<PathBuf>,
 
     /// Folder for the images (made if need be)
     #[arg(long, value_name = "DIR")]
@@ -125,10 +126,13 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>, Finished), Cl
         Some(degrees) => Fit::FieldOfView { horizontal_rad: degrees.to_radians() },
         None => args.fit.into(),
     };
-    let undistortion = Undistortion::new(&camera, fit)?;
+    let undistortion = Undistortion::new(&camera, fit).map_err(|e| CliError::of_file(&args.calibration, e))?;
     let mut notes = imported.notes.clone();
     if camera.lens.is_none() && args.fov.is_none() {
-        notes.push(format!("{}: the lens has no distortion there; the images stay as they are", args.calibration));
+        notes.push(format!(
+            "{}: the lens has no distortion there; the images stay as they are",
+            shown(&args.calibration)
+        ));
     }
     let files = if args.inputs.is_empty() { Vec::new() } else { find_images(&args.inputs)? };
     // Images that cannot be used, and results that would overwrite something, are refused before anything is written.

@@ -64,8 +64,8 @@ pub(crate) fn calibrate<S: AsRef<str>>(args: &[S]) -> Outcome {
     groundcal(&all)
 }
 
-/// `groundcal calibrate ARGS --json --out NEW` must end with `code`, print one message that holds all `words`, print nothing
-/// to standard output and write nothing.
+/// `groundcal calibrate ARGS --json --out NEW` must end with `code`, print one message that holds all `words`, the same as JSON on
+/// standard output, and write nothing.
 pub(crate) fn refused<S: AsRef<str>>(args: &[S], code: i32, words: &[&str]) -> Outcome {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().join("out");
@@ -74,11 +74,17 @@ pub(crate) fn refused<S: AsRef<str>>(args: &[S], code: i32, words: &[&str]) -> O
     let outcome = calibrate(&all);
     assert_eq!(outcome.code, code, "exit code; stderr: {}\nstdout: {}", outcome.stderr, outcome.stdout);
     println!("{}", outcome.stderr);
-    assert!(outcome.stderr.starts_with("error: "), "{}", outcome.stderr);
+    // Notes on the files may come before.
+    assert_eq!(outcome.stderr.lines().filter(|line| line.starts_with("error: ")).count(), 1, "{}", outcome.stderr);
     for word in words {
         assert!(outcome.stderr.contains(word), "\"{word}\" is missing in: {}", outcome.stderr);
     }
-    assert_eq!(outcome.stdout, "", "standard output is for results");
+    // Who asks for JSON gets the error as JSON too, unless the question was not understood.
+    if !outcome.stdout.is_empty() || !outcome.stderr.contains("--help") {
+        let json: Value = serde_json::from_str(&outcome.stdout).expect("JSON");
+        let message = json["error"]["message"].as_str().expect("a message");
+        assert!(outcome.stderr.contains(message), "{message}: {}", outcome.stderr);
+    }
     assert_eq!(files_in(folder.path()), BTreeSet::new(), "files are left");
     outcome
 }

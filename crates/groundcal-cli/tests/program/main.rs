@@ -2,9 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test may end in a panic
 
+mod bad_inputs;
 mod causes;
 mod cli;
 mod common;
+mod documents;
 mod experiments;
 mod fisheye;
 mod formats;
@@ -15,6 +17,7 @@ mod readers;
 mod rectify;
 mod report;
 mod result;
+mod schema;
 mod shared_data;
 mod simulate;
 mod structure;

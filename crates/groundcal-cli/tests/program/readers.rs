@@ -9,8 +9,13 @@ use std::{
 use crate::common::text;
 
 /// Packages, and the modules they bring.
-const PACKAGES: [(&str, &str); 4] =
-    [("numpy", "numpy"), ("opencv-python-headless", "cv2"), ("PyYAML", "yaml"), ("pycolmap", "pycolmap")];
+const PACKAGES: [(&str, &str); 5] = [
+    ("numpy", "numpy"),
+    ("opencv-python-headless", "cv2"),
+    ("PyYAML", "yaml"),
+    ("pycolmap", "pycolmap"),
+    ("jsonschema", "jsonschema"),
+];
 
 fn works(program: &Path, args: &[&str]) -> Result<(), String> {
     match Command::new(program).args(args).output() {

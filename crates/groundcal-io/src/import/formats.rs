@@ -74,9 +74,9 @@ pub(crate) fn parse(text: &str) -> Result<Vec<ImportedCamera>, String> {
 fn parse_json(text: &str) -> Result<Vec<ImportedCamera>, String> {
     let value = json::value(text)?;
     if groundcal_json::looks_like_it(&value) {
-        return groundcal_json::camera(text).map(|c| vec![c]);
+        return groundcal_json::camera(value).map(|c| vec![c]);
     }
-    let root = Node::from_json(&value);
+    let root = Node::from_json(value);
     match JSON.iter().find(|f| (f.is)(&root)) {
         Some(format) => (format.cameras)(&root),
         None => Err(format!(

@@ -42,7 +42,10 @@ pub fn read(path: &Path) -> Result<Calibration, IoError> {
 
 /// From the file's text; the error says what is wrong with it.
 pub fn parse(text: &str) -> Result<Calibration, String> {
-    let value = json::value(text).map_err(|e| format!("not a calibration: {e}. {HINT}"))?;
+    from_value(json::value(text).map_err(|e| format!("not a calibration: {e}. {HINT}"))?)
+}
+
+fn from_value(value: serde_json::Value) -> Result<Calibration, String> {
     versions(&value)?;
     let calibration: Calibration =
         json::typed(value).map_err(|e| format!("not a calibration of this program: {e}. {HINT}"))?;
@@ -194,8 +197,8 @@ fn covariance<P: Copy + PartialEq>(c: &Covariance<P>) -> Result<(), String> {
 }
 
 /// The camera with its covariance, for comparisons.
-pub fn camera(text: &str) -> Result<ImportedCamera, String> {
-    let calibration = parse(text)?;
+pub(crate) fn camera(value: serde_json::Value) -> Result<ImportedCamera, String> {
+    let calibration = from_value(value)?;
     let c = &calibration.camera;
     let size = [c.size().width as f64, c.size().height as f64];
     let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), c.lens())?;

@@ -2,11 +2,32 @@
 
 use serde_json::error::Category;
 
-use crate::text::sentence;
+use crate::{limits::MAX_JSON_VALUES, text::sentence, words::words};
 
 /// The value of a text.
 pub(crate) fn value(text: &str) -> Result<serde_json::Value, String> {
+    if has_more_values(text, MAX_JSON_VALUES) {
+        return Err(format!("more than {} million values", MAX_JSON_VALUES / 1_000_000));
+    }
     serde_json::from_str(text).map_err(|e| fault(&e))
+}
+
+/// Whether a text has more values than that: commas and opening brackets outside strings come before one each.
+fn has_more_values(text: &str, most: usize) -> bool {
+    if text.len() <= most {
+        return false;
+    }
+    let (mut inside, mut escaped, mut count) = (false, false, 0usize);
+    for b in text.bytes() {
+        match b {
+            _ if escaped => escaped = false,
+            b'\\' if inside => escaped = true,
+            b'"' => inside = !inside,
+            b',' | b'[' | b'{' if !inside => count += 1,
+            _ => {}
+        }
+    }
+    count > most
 }
 
 /// What a value stands for; the error names the field.
@@ -31,45 +52,6 @@ pub(crate) fn fault(error: &serde_json::Error) -> String {
     }
 }
 
-/// Serde's sentence without names of types.
-fn words(theirs: &str) -> String {
-    let mut out = theirs.split(" at line ").next().unwrap_or_default().to_string();
-    for (theirs, ours) in [
-        ("floating point ", "the number "),
-        ("boolean ", "the word "),
-        ("integer ", "the number "),
-        ("string ", "the text "),
-        ("invalid type: ", "found "),
-        ("invalid value: ", "found "),
-        ("invalid length ", "found a list of "),
-        ("unknown variant ", "found "),
-        ("a sequence", "a list"),
-        ("sequence", "a list"),
-        ("an array of length ", "a list of "),
-        ("a map", "an object"),
-        ("map", "an object"),
-        ("null", "nothing"),
-        ("missing field", "there is no"),
-    ] {
-        out = out.replace(theirs, ours);
-    }
-    let typed = |word: &str| {
-        let bare = word.trim_matches(|c: char| !c.is_ascii_alphanumeric());
-        match bare {
-            "f64" | "f32" => Some("a number"),
-            "u8" | "u16" | "u32" | "u64" | "usize" | "i32" | "i64" | "isize" => Some("a whole number"),
-            _ => None,
-        }
-        .map(|ours| word.replace(bare, ours))
-    };
-    let mut words: Vec<String> = out.split(' ').map(|w| typed(w).unwrap_or_else(|| w.to_string())).collect();
-    if let Some(at) = words.iter().position(|w| w == "struct" || w == "enum") {
-        words.truncate(at);
-        words.push("an object".into());
-    }
-    sentence(&words.join(" "))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,6 +67,12 @@ mod tests {
     #[allow(dead_code)]
     struct Outer {
         inner: Inner,
+    }
+
+    #[test]
+    fn values_are_counted_outside_strings() {
+        let text = r#"{"a,[\",{": [1, 2, {}]}"#;
+        assert!(has_more_values(text, 4) && !has_more_values(text, 5));
     }
 
     #[test]

@@ -2,7 +2,11 @@
 
 use saphyr::{LoadableYamlNode, Scalar, Yaml};
 
-use crate::{import::spelling::plain, limits::MAX_MARKUP_BYTES, text::quoted};
+use crate::{
+    import::spelling::plain,
+    limits::MAX_MARKUP_BYTES,
+    text::{quoted, sentence},
+};
 
 /// How deep values may be nested; calibrations need four levels.
 const MAX_DEPTH: usize = 32;
@@ -50,20 +54,21 @@ impl Node {
             return Err(too_long());
         }
         check_elements(text)?;
-        let document = roxmltree::Document::parse(text).map_err(|e| format!("damaged XML: {e}"))?;
+        let document =
+            roxmltree::Document::parse(text).map_err(|e| format!("damaged XML: {}", sentence(&e.to_string())))?;
         from_xml_node(&document.root_element(), 0)
     }
 
     /// The same tree of a JSON text.
-    pub(crate) fn from_json(value: &serde_json::Value) -> Self {
+    pub(crate) fn from_json(value: serde_json::Value) -> Self {
         use serde_json::Value;
         match value {
             Value::Null => Node::Text(String::new()),
-            Value::Bool(v) => Node::Number(f64::from(u8::from(*v))),
+            Value::Bool(v) => Node::Number(f64::from(u8::from(v))),
             Value::Number(v) => Node::Number(v.as_f64().unwrap_or(f64::NAN)),
-            Value::String(v) => Node::Text(v.clone()),
-            Value::Array(items) => Node::List(items.iter().map(Node::from_json).collect()),
-            Value::Object(entries) => Node::Map(entries.iter().map(|(k, v)| (k.clone(), Node::from_json(v))).collect()),
+            Value::String(v) => Node::Text(v),
+            Value::Array(items) => Node::List(items.into_iter().map(Node::from_json).collect()),
+            Value::Object(entries) => Node::Map(entries.into_iter().map(|(k, v)| (k, Node::from_json(v))).collect()),
         }
     }
 

@@ -15,6 +15,7 @@ use crate::{
         key::{is_coefficient, lens_side, matrix_side, sounds_like_a_lens},
         lens::{brown_conrady, is_fisheye, kannala_brandt},
         node::Node,
+        spelling::plain as spelling,
     },
     text::{plain, quoted, some_of},
 };
@@ -134,8 +135,11 @@ fn lens(root: &Node, (side, one): (&str, bool), family: Family, format: &str) ->
             value.number().is_none() && lens_side(name).is_some_and(|s| s == side || (one && s.is_empty()))
         })
         .map(|(name, value)| (name.as_str(), value))
-        // A model's name may stand under `distortion`.
-        .filter(|(_, value)| value.text().is_none_or(|t| t.is_empty() || t.starts_with(|c: char| !c.is_alphabetic())))
+        // A model's name may stand under `distortion`, not under `distortion_coefficients`.
+        .filter(|(name, value)| {
+            let word = value.text().is_some_and(|t| t.starts_with(char::is_alphabetic));
+            !word || spelling(name).contains("coef")
+        })
         .collect();
     let mut notes = Vec::new();
     let (name, list) = match lists[..] {
@@ -162,6 +166,11 @@ fn lens(root: &Node, (side, one): (&str, bool), family: Family, format: &str) ->
 /// Coefficients as values of their own; else no lens, which is said.
 fn named_coefficients(root: &Node, side: &str, family: Family) -> Result<(Lens, Vec<String>), String> {
     let at = |name: &str| root.get(&[name]).and_then(Node::number);
+    let word =
+        |name: &&str| root.get(&[name]).and_then(Node::text).is_some_and(|t| !t.is_empty() && at(name).is_none());
+    if let Some(name) = ["k1", "k2", "k3", "k4", "p1", "p2"].iter().find(|name| side.is_empty() && word(name)) {
+        return Err(format!("{name} is not a number"));
+    }
     let value = |name: &str| at(name).unwrap_or(0.0);
     let names: &[&str] = match family {
         Family::BrownConrady => &["k1", "k2", "p1", "p2", "k3"],

@@ -9,6 +9,7 @@ use groundcal::{
 
 use crate::{
     error::IoError,
+    limits::MAX_PAIRS,
     matches::{point_pairs::PointPairs, table::Table},
     text::plain,
 };
@@ -44,7 +45,10 @@ pub(crate) fn point_pairs(table: &Table, size: ImageSize) -> Result<PointPairs, 
             pairs.len() - 1
         });
         pairs[at].matches.push(m);
+        if pairs.len() > MAX_PAIRS {
+            return Err(row.fault(format!("more than {MAX_PAIRS} pairs of images. Give fewer at a time")));
+        }
         Ok(())
     })?;
-    Ok(PointPairs { names, pairs, neighbours_only: false, listed: None })
+    Ok(PointPairs { names, pairs, neighbours_only: false, listed: None, notes: Vec::new() })
 }

@@ -54,7 +54,7 @@ pub fn read_matches(path: &Path, size: ImageSize, choice: PairChoice) -> Result<
         if let PairChoice::Listed(list) = choice {
             found.listed = Some(read_pairs(list, &found.names)?);
         }
-        Ok(found)
+        Ok(found.judged(path, size))
     } else if table.has("track") && table.has("image") {
         let tracks = tracks_csv::Tracks::read(&table, size)?;
         match choice {
@@ -64,6 +64,7 @@ pub fn read_matches(path: &Path, size: ImageSize, choice: PairChoice) -> Result<
                 tracks.listed(list)
             }
         }
+        .map(|found| found.judged(path, size))
         .map_err(|what| IoError::file(path, what))
     } else {
         Err(IoError::file(

@@ -4,6 +4,7 @@ use std::{collections::HashMap, path::Path};
 
 use crate::{
     error::IoError,
+    limits::MAX_PAIRS,
     matches::table::{Row, Table},
     text::{plain, some_of},
 };
@@ -45,6 +46,9 @@ pub fn read_pairs(path: &Path, names: &[String]) -> Result<Vec<(usize, usize)>, 
             )));
         }
         pairs.push((a, b));
+        if pairs.len() > MAX_PAIRS {
+            return Err(row.fault(format!("more than {MAX_PAIRS} pairs of images. Give fewer at a time")));
+        }
         Ok(())
     })?;
     Ok(pairs)

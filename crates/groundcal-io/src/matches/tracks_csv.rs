@@ -9,13 +9,18 @@ use groundcal::{
 
 use crate::{
     error::IoError,
+    limits::{MAX_MATCHES, MAX_PAIRS},
     matches::{point_pairs::PointPairs, table::Table},
     names::natural_order,
+    note::Note,
     text::plain,
 };
 
 /// Where an image sees a track, and the standard deviation there.
 type Sighting = ([f64; 2], f64);
+
+/// Images of a table: each makes pairs with the three that follow it.
+const MAX_IMAGES: usize = MAX_PAIRS / 4;
 
 /// The tracks of all images.
 pub(crate) struct Tracks {
@@ -36,9 +41,20 @@ impl Tracks {
             let (image, track) = (row.name("image")?, row.name("track")?);
             let point = (row.point(["x", "y"], size)?, row.sigma_px()?);
             let next = tracks.len();
-            let number = *tracks.entry(track.clone()).or_insert(next);
-            if images.entry(image.clone()).or_default().insert(number, point).is_some() {
+            // A name that is there already need not be kept twice.
+            let number = match tracks.get(&track) {
+                Some(number) => *number,
+                None => *tracks.entry(track.clone()).or_insert(next),
+            };
+            let seen = match images.get_mut(&image) {
+                Some(seen) => seen,
+                None => images.entry(image.clone()).or_default(),
+            };
+            if seen.insert(number, point).is_some() {
                 return Err(row.fault(format!("track {} appears twice in image {}", plain(&track), plain(&image))));
+            }
+            if images.len() > MAX_IMAGES {
+                return Err(row.fault(format!("more than {MAX_IMAGES} images. Give fewer at a time")));
             }
             Ok(())
         })?;
@@ -59,52 +75,76 @@ impl Tracks {
         Ok(Self { names, track_count: tracks.len(), seen })
     }
 
-    /// What two images share, in the order of the tracks.
+    /// Sightings of the tracks that two images share, in the order of the tracks.
+    fn common(&self, i: usize, j: usize) -> impl Iterator<Item = (&Sighting, &Sighting)> {
+        let mut others = self.seen[j].iter().peekable();
+        self.seen[i].iter().filter_map(move |(track, seen)| {
+            while others.next_if(|(other, _)| other < track).is_some() {}
+            others.next_if(|(other, _)| other == track).map(|(_, other)| (seen, other))
+        })
+    }
+
+    /// What two images share.
     fn shared(&self, i: usize, j: usize) -> Option<ImagePair> {
-        let (a, b) = (&self.seen[i], &self.seen[j]);
-        let mut matches = Vec::new();
-        let mut at = 0;
-        for (track, (pa, sa)) in a {
-            while b.get(at).is_some_and(|(other, _)| other < track) {
-                at += 1;
-            }
-            if let Some((_, (pb, sb))) = b.get(at).filter(|(other, _)| other == track) {
-                // The model has one deviation for both images of a match.
-                let sigma_px = (0.5 * (sa * sa + sb * sb)).sqrt();
-                matches.push(PointMatch { sigma_px, ..PointMatch::new(*pa, *pb) });
-            }
-        }
+        let of = |((pa, sa), (pb, sb)): (&Sighting, &Sighting)| {
+            // The model has one deviation for both images of a match.
+            let sigma_px = (0.5 * (sa * sa + sb * sb)).sqrt();
+            PointMatch { sigma_px, ..PointMatch::new(*pa, *pb) }
+        };
+        let matches: Vec<PointMatch> = self.common(i, j).map(of).collect();
         (!matches.is_empty()).then_some(ImagePair { from: i, to: j, matches })
     }
 
+    /// The matches of pairs; of very many tracks some, the same in all images.
+    fn matches_of(&mut self, pairs: &[(usize, usize)], most: usize) -> (Vec<ImagePair>, Option<Note>) {
+        let total: usize = pairs.iter().map(|(i, j)| self.common(*i, *j).count()).sum();
+        let note = (total > most).then(|| {
+            let part = most as f64 / total as f64;
+            // Not every n-th: names may run along the rows of a grid. A hash of the place is as good as a draw, and always the same.
+            let kept = |track: usize| (mixed(track as u64) as f64) < part * u64::MAX as f64;
+            for seen in &mut self.seen {
+                seen.retain(|(track, _)| kept(*track));
+            }
+            let what = format!(
+                "{total} matches in {} pairs: {:.1} % of the {} tracks are used, which take part in all of their images",
+                pairs.len(),
+                100.0 * part,
+                self.track_count
+            );
+            Note::all(Note::THINNED_TRACKS, what)
+        });
+        (pairs.iter().filter_map(|(i, j)| self.shared(*i, *j)).collect(), note)
+    }
+
     /// All pairs of a small set, else neighbours.
-    pub(crate) fn near(self, all_pairs_limit: usize) -> Result<PointPairs, String> {
+    pub(crate) fn near(mut self, all_pairs_limit: usize) -> Result<PointPairs, String> {
         let count = self.names.len();
         let neighbours_only = count > all_pairs_limit;
+        let reach = if neighbours_only { 3 } else { count };
         let mut pairs = Vec::new();
         for i in 0..count {
-            for j in i + 1..count {
-                // The last image meets the first where a turn closes.
-                if !neighbours_only || j - i <= 3 || (i, j) == (0, count - 1) {
-                    pairs.extend(self.shared(i, j));
-                }
+            pairs.extend((i + 1..count.min(i + 1 + reach)).map(|j| (i, j)));
+            // The last image meets the first where a turn closes.
+            if i == 0 && count > reach + 1 {
+                pairs.push((0, count - 1));
             }
         }
-        self.finish(pairs, neighbours_only, None)
+        let found = self.matches_of(&pairs, MAX_MATCHES);
+        self.finish(found, neighbours_only, None)
     }
 
     /// The pairs of a list.
-    pub(crate) fn listed(self, list: Vec<(usize, usize)>) -> Result<PointPairs, String> {
+    pub(crate) fn listed(mut self, list: Vec<(usize, usize)>) -> Result<PointPairs, String> {
         // The order of the images, as `near` has it.
         let mut ordered: Vec<(usize, usize)> = list.iter().map(|(i, j)| (*i.min(j), *i.max(j))).collect();
         ordered.sort_unstable();
-        let pairs = ordered.into_iter().filter_map(|(i, j)| self.shared(i, j)).collect();
-        self.finish(pairs, false, Some(list))
+        let found = self.matches_of(&ordered, MAX_MATCHES);
+        self.finish(found, false, Some(list))
     }
 
     fn finish(
         self,
-        pairs: Vec<ImagePair>,
+        (pairs, note): (Vec<ImagePair>, Option<Note>),
         neighbours_only: bool,
         listed: Option<Vec<(usize, usize)>>,
     ) -> Result<PointPairs, String> {
@@ -121,6 +161,35 @@ impl Tracks {
                 self.track_count
             ));
         }
-        Ok(PointPairs { names: self.names, pairs, neighbours_only, listed })
+        let notes = note.into_iter().collect();
+        Ok(PointPairs { names: self.names, pairs, neighbours_only, listed, notes })
+    }
+}
+
+/// A number with all of its bits mixed (SplitMix64).
+fn mixed(number: u64) -> u64 {
+    let z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn very_many_tracks_are_thinned_alike_in_all_images() {
+        let sighting = |t: usize| (t, ([t as f64, 1.0], 1.0));
+        let seen: Vec<_> = (0..4).map(|_| (0..1000).map(sighting).collect()).collect();
+        let names = (0..4).map(|i| format!("{i}")).collect();
+        let mut tracks = Tracks { names, track_count: 1000, seen };
+        let pairs = [(0, 1), (0, 3), (1, 2)];
+        let (whole, note) = tracks.matches_of(&pairs, 3000);
+        assert!(note.is_none() && whole.iter().all(|p| p.matches.len() == 1000));
+        let (some, note) = tracks.matches_of(&pairs, 600);
+        assert!(note.unwrap().to_string().contains("3000 matches in 3 pairs: 20.0 % of the 1000 tracks"));
+        // 200 of 1000, within four standard deviations of a draw.
+        assert!(some.iter().all(|p| p.matches == some[0].matches && p.matches.len().abs_diff(200) < 51));
     }
 }

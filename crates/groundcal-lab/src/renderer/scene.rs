@@ -21,6 +21,13 @@ use groundcal::geometry::intrinsics::Intrinsics;
 use groundcal::geometry::lens::{Lens, Radtan};
 use groundcal::geometry::size::ImageSize;
 
+/// Pixels of a picture: about a gigabyte while it is rendered.
+const MAX_PIXELS: usize = 50_000_000;
+/// Views of a scene, which are rendered one after the other.
+const MAX_VIEWS: usize = 10_000;
+/// Boxes: every ray is tested against each.
+const MAX_BOXES: usize = 1000;
+
 /// Why a scene cannot be rendered.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
@@ -571,6 +578,9 @@ impl Scene {
         if c.image_size.iter().any(|&n| !(8..=32768).contains(&n)) {
             return Err(invalid("camera.image_size", &c.image_size, "each side must be 8 to 32768 pixels"));
         }
+        if c.image_size[0] * c.image_size[1] > MAX_PIXELS {
+            return Err(invalid("camera.image_size", &c.image_size, "at most 50 megapixels are rendered"));
+        }
         let k = c.intrinsics();
         positive("camera.fx", k.fx)?;
         positive("camera.fy", k.fy)?;
@@ -598,6 +608,9 @@ impl Scene {
         f.colour.as_ref().map_or(Ok(()), |v| colour("floor.colour", v))?;
         f.second_colour.as_ref().map_or(Ok(()), |v| colour("floor.second_colour", v))?;
 
+        if self.boxes.list.len() > MAX_BOXES {
+            return Err(invalid("boxes.list", &self.boxes.list.len(), "must be at most 1000 boxes"));
+        }
         for (i, b) in self.boxes.list.iter().enumerate() {
             b.centre_m.iter().try_for_each(|&v| finite(&format!("boxes.list[{i}].centre_m"), v))?;
             b.size_m.iter().try_for_each(|&v| positive(&format!("boxes.list[{i}].size_m"), v))?;
@@ -605,7 +618,7 @@ impl Scene {
             colour(&format!("boxes.list[{i}].colour"), &b.colour)?;
         }
         if let Some(r) = &self.boxes.random {
-            if r.count > 1000 {
+            if r.count > MAX_BOXES {
                 return Err(invalid("boxes.random.count", &r.count, "must be at most 1000"));
             }
             let e = r.extent_m;
@@ -648,6 +661,9 @@ impl Scene {
     fn validate_views(&self) -> Result<(), SceneError> {
         if self.view_count() == 0 {
             return Err(invalid("group", &"no view", "a scene needs at least one [[group]] with a [[group.view]]"));
+        }
+        if self.view_count() > MAX_VIEWS {
+            return Err(invalid("group", &self.view_count(), "must have at most 10000 views"));
         }
         let mut names = std::collections::HashSet::new();
         for (g, group) in self.groups.iter().enumerate() {

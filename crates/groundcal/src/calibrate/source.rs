@@ -1,7 +1,7 @@
 //! What a calibration is made from: images, images with matches, matches, or homographies. Each is checked here and enters the
 //! driver at its place.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
@@ -284,9 +284,12 @@ fn named_pairs(names: &[String], pairs: &[ImagePair], options: &Options) -> Resu
     let named: Vec<ImagePair> = match &options.pairs {
         None => pairs.to_vec(),
         Some(wanted) => {
+            let mut known: HashMap<(usize, usize), &ImagePair> = HashMap::with_capacity(pairs.len());
+            for pair in pairs {
+                known.entry((pair.from.min(pair.to), pair.from.max(pair.to))).or_insert(pair);
+            }
             let find = |&(a, b): &(usize, usize)| {
-                let is = |p: &&ImagePair| (p.from, p.to) == (a, b) || (p.from, p.to) == (b, a);
-                pairs.iter().find(is).cloned().ok_or_else(|| {
+                known.get(&(a.min(b), a.max(b))).copied().cloned().ok_or_else(|| {
                     let name = |i: usize| names.get(i).map_or("?", String::as_str);
                     Error::InvalidInput(format!("no matches between {} and {}, which the pairs name", name(a), name(b)))
                 })

@@ -3,6 +3,8 @@
 //! The resolution is that of the images' middling pixel on the floor ([`source_resolution`]), as 1, 2 or 5 times a power of ten, lowered
 //! where a picture would have more than [`MAX_PIXELS`].
 
+use std::{collections::HashMap, hash::Hash};
+
 use nalgebra::Vector2;
 
 use crate::{
@@ -62,10 +64,12 @@ pub enum ResolutionError {
 }
 
 /// Indices of the views that share a world, in the order of the first of each.
-pub fn sets_of_one_world<T: PartialEq>(worlds: &[T]) -> Vec<Vec<usize>> {
+pub fn sets_of_one_world<T: Eq + Hash>(worlds: &[T]) -> Vec<Vec<usize>> {
     let mut sets: Vec<Vec<usize>> = Vec::new();
+    let mut set_of: HashMap<&T, usize> = HashMap::new();
     for (i, world) in worlds.iter().enumerate() {
-        match sets.iter_mut().find(|s| worlds[s[0]] == *world) {
+        let set = *set_of.entry(world).or_insert(sets.len());
+        match sets.get_mut(set) {
             Some(set) => set.push(i),
             None => sets.push(vec![i]),
         }

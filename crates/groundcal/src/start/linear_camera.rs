@@ -392,14 +392,32 @@ pub fn what_is_uncertain(covariance: &SMatrix<f64, 5, 5>, frame: &Frame) -> Opti
             let name = ["focal length", "aspect ratio", "cx", "cy", "skew"][i];
             let sigma = covariance[(i, i)].max(0.0).sqrt();
             let (limit, text) = if i < 2 {
-                (MAX_LN_SIGMA, format!("{name} to a factor of {:.2} only", (2.0 * sigma).exp()))
+                (MAX_LN_SIGMA, by_factor(name, 2.0 * sigma))
             } else {
-                (MAX_PRINCIPAL_POINT_SIGMA, format!("{name} to +-{:.0} px only", 2.0 * sigma * frame.scale_px))
+                (MAX_PRINCIPAL_POINT_SIGMA, by_pixels(name, 2.0 * sigma, frame))
             };
             (sigma.is_nan() || sigma > limit).then_some(text)
         })
         .collect();
     (!parts.is_empty()).then(|| parts.join(", "))
+}
+
+/// How far a positive number is known, `half_width` being that of the interval of its logarithm. Beyond a factor of a thousand there
+/// is no camera that it excludes.
+fn by_factor(name: &str, half_width: f64) -> String {
+    match half_width.exp() {
+        factor if factor < 1000.0 => format!("{name} to a factor of {factor:.2} only"),
+        _ => format!("{name} not at all"),
+    }
+}
+
+/// How far a pixel coordinate is known, `half_width` in frame units. Beyond a hundred images it may be anywhere.
+fn by_pixels(name: &str, half_width: f64, frame: &Frame) -> String {
+    if half_width < 200.0 {
+        format!("{name} to +-{:.0} px only", half_width * frame.scale_px)
+    } else {
+        format!("{name} not at all")
+    }
 }
 
 fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptions, frame: &Frame) -> CameraSolution {
@@ -432,4 +450,24 @@ fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptio
 /// The parameters of a camera matrix given in pixels, in frame units.
 pub fn parameters_in_frame(k: &Intrinsics, frame: &Frame) -> Parameters {
     parameters_of(&frame.intrinsics_from_pixel(k))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_known_is_not_given_in_digits() {
+        let frame = Frame::new(crate::geometry::size::ImageSize::new(800, 600), None);
+        let uncertain = |sigma: f64| {
+            let covariance = SMatrix::<f64, 5, 5>::from_diagonal_element(sigma * sigma);
+            what_is_uncertain(&covariance, &frame).unwrap_or_default()
+        };
+        assert!(uncertain(0.01).is_empty());
+        assert!(uncertain(0.5).starts_with("focal length to a factor of 2.72 only, "), "{}", uncertain(0.5));
+        for sigma in [1e3, 1e100, f64::INFINITY] {
+            let text = uncertain(sigma);
+            assert!(text.starts_with("focal length not at all") && text.ends_with("skew not at all"), "{text}");
+        }
+    }
 }

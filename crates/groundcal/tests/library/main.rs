@@ -6,6 +6,7 @@ mod exact;
 mod fisheye;
 mod floor;
 mod homographies;
+mod invariance;
 mod lens;
 mod plan;
 mod prior_conflicts;

@@ -45,7 +45,11 @@ pub(crate) fn run(args: &PlanArgs) -> Result<(), CliError> {
         results.write("plan.json", json()?.as_bytes())?;
         finished = Some(results.finish()?);
     }
-    output::print(&if args.json { json()? } else { plan::text(&report, &command(&report, args), terminal::WIDTH) })?;
+    if args.json {
+        output::print_json(&json()?)?;
+    } else {
+        output::print(&plan::text(&report, &command(&report, args), terminal::WIDTH))?;
+    }
     if let Some(finished) = finished {
         finished.tell();
     }
@@ -84,7 +88,12 @@ fn report(args: &PlanArgs) -> Result<PlanReport, CliError> {
         Some(known) => known.options(args, &motion)?,
         None => fresh(args, carrier, &motion)?,
     };
-    let plan = Planner::new(&options, known.as_ref().map(|k| &k.covariance))?.plan()?;
+    let covariance = known.as_ref().map(|k| &k.covariance);
+    let plan =
+        Planner::new(&options, covariance).and_then(|planner| planner.plan()).map_err(|e| match &args.after {
+            Some(path) => CliError::of_file_and_options(path, e),
+            None => e.into(),
+        })?;
     Ok(PlanReport::new(motion, &options, plan, &Flags))
 }
 

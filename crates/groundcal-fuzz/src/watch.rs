@@ -1,0 +1,74 @@
+//! Ends the process where an input takes too long or too much memory: its file is kept before.
+
+use std::{
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    time::{Duration, Instant},
+};
+
+/// The longest that an input may take.
+const LONGEST: Duration = Duration::from_secs(10);
+/// Kilobytes of memory that the process may have.
+const MOST_KB: u64 = 2_000_000;
+/// Between looks.
+const NAP: Duration = Duration::from_millis(100);
+
+/// Watches one target.
+pub(crate) struct Watch {
+    started: Instant,
+    /// When the input at work began, microseconds after the start, plus one; 0: none is at work.
+    begun: Arc<AtomicU64>,
+    done: Arc<AtomicBool>,
+}
+
+impl Watch {
+    /// Begins to watch; `input` is where the input at work stands.
+    pub(crate) fn new(input: PathBuf, kept: PathBuf) -> Self {
+        let watch = Self { started: Instant::now(), begun: Arc::default(), done: Arc::default() };
+        let (begun, done, started) = (watch.begun.clone(), watch.done.clone(), watch.started);
+        std::thread::spawn(move || {
+            while !done.load(Ordering::Relaxed) {
+                let since = begun.load(Ordering::Relaxed);
+                let now = started.elapsed().as_micros() as u64;
+                if since > 0 && now.saturating_sub(since) > LONGEST.as_micros() as u64 {
+                    give_up(&input, &kept, &format!("no end after {} s", LONGEST.as_secs()));
+                }
+                if let Some(kb) = resident_kb().filter(|kb| *kb > MOST_KB) {
+                    give_up(&input, &kept, &format!("{kb} kB of memory"));
+                }
+                std::thread::sleep(NAP);
+            }
+        });
+        watch
+    }
+
+    pub(crate) fn begin(&self) {
+        self.begun.store(1 + self.started.elapsed().as_micros() as u64, Ordering::Relaxed);
+    }
+
+    pub(crate) fn end(&self) {
+        self.begun.store(0, Ordering::Relaxed);
+    }
+}
+
+impl Drop for Watch {
+    fn drop(&mut self) {
+        self.done.store(true, Ordering::Relaxed);
+    }
+}
+
+fn give_up(input: &Path, kept: &Path, why: &str) -> ! {
+    let copied = std::fs::copy(input, kept);
+    eprintln!("finding: {why}: {} ({copied:?})", kept.display());
+    std::process::exit(1)
+}
+
+/// Memory of this process, where the system says it.
+fn resident_kb() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmRSS:"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
