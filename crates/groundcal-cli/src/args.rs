@@ -21,6 +21,14 @@ pub(crate) struct ThreadsArg {
     pub(crate) threads: Option<u16>,
 }
 
+/// `--overwrite`.
+#[derive(Debug, Clone, Copy, Args)]
+pub(crate) struct OverwriteArg {
+    /// Replace files in --out that no run of this program wrote, or that were changed since. Inputs are never replaced
+    #[arg(long, requires = "out")]
+    pub(crate) overwrite: bool,
+}
+
 /// [`LensModel`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DistortionArg {
@@ -140,6 +148,8 @@ pub(crate) fn parse_size(text: &str) -> Result<ImageSize, String> {
 pub(crate) enum PictureFormatArg {
     /// PNG, transparent where nothing was seen
     Png,
+    /// TIFF, zero where nothing was seen (floating point: not a number)
+    Tiff,
     /// JPEG, white where nothing was seen
     Jpeg,
 }
@@ -148,6 +158,7 @@ impl From<PictureFormatArg> for PictureFormat {
     fn from(value: PictureFormatArg) -> Self {
         match value {
             PictureFormatArg::Png => PictureFormat::Png,
+            PictureFormatArg::Tiff => PictureFormat::Tiff,
             PictureFormatArg::Jpeg => PictureFormat::Jpeg,
         }
     }

@@ -1,6 +1,6 @@
 //! What ends the program early, and its exit code.
 
-use crate::remedies::Flags;
+use crate::{interrupt, remedies::Flags};
 
 /// A calibration, or what else was asked for.
 pub(crate) const SUCCESS: u8 = 0;
@@ -24,6 +24,8 @@ pub(crate) enum CliError {
     Calibration(groundcal::error::Error),
     /// Writing failed, or another fault of the surroundings.
     Other(String),
+    /// A signal asked the program to end; the exit code.
+    Stopped(u8),
 }
 
 impl CliError {
@@ -35,6 +37,7 @@ impl CliError {
             CliError::Calibration(error) if error.is_degenerate() => UNDETERMINED,
             CliError::Input(_) | CliError::Calibration(Error::InvalidInput(_)) => INPUT,
             CliError::Calibration(_) | CliError::Other(_) => OTHER,
+            CliError::Stopped(code) => *code,
         }
     }
 }
@@ -44,13 +47,17 @@ impl std::fmt::Display for CliError {
         match self {
             CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(text),
             CliError::Calibration(error) => f.write_str(&error.message(&Flags)),
+            CliError::Stopped(_) => f.write_str("interrupted"),
         }
     }
 }
 
 impl From<groundcal::error::Error> for CliError {
     fn from(error: groundcal::error::Error) -> Self {
-        CliError::Calibration(error)
+        match (error, interrupt::requested()) {
+            (groundcal::error::Error::Stopped, Some(code)) => CliError::Stopped(code),
+            (error, _) => CliError::Calibration(error),
+        }
     }
 }
 
@@ -61,6 +68,10 @@ impl From<groundcal_io::error::IoError> for CliError {
         let text = error.to_string();
         match error {
             IoError::Usage(_) => CliError::Usage(text),
+            IoError::WouldReplace { input: true, .. } => CliError::Usage(format!("{text}. Name another folder")),
+            IoError::WouldReplace { .. } => {
+                CliError::Usage(format!("{text}. Name another folder, or give --overwrite to replace them"))
+            }
             IoError::Calibration(error) => CliError::Calibration(error),
             error if error.is_input() => CliError::Input(text),
             _ => CliError::Other(text),

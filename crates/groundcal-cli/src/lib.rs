@@ -7,6 +7,7 @@
 mod args;
 mod commands;
 mod error;
+mod interrupt;
 mod output;
 mod progress;
 mod remedies;
@@ -20,6 +21,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use commands::{calibrate, compare, completions, convert, experiment, man, plan, rectify, render, simulate, undistort};
 use error::CliError;
+
+pub use interrupt::end_on_signals;
 
 /// Runs the program with a command line whose first word is the program's name; gives its exit code.
 ///
@@ -40,6 +43,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     };
     match dispatch(cli.command) {
         Ok(()) => error::SUCCESS,
+        Err(CliError::Stopped(code)) => {
+            let _ = writeln!(std::io::stderr(), "interrupted");
+            code
+        }
         Err(error) => {
             let mark = if std::io::stderr().is_terminal() { "\u{1b}[31merror\u{1b}[0m" } else { "error" };
             let _ = writeln!(std::io::stderr(), "{mark}: {error}");

@@ -2,13 +2,20 @@
 
 use std::{io::Write, path::Path};
 
-use groundcal_io::export::write_whole;
+use groundcal_io::{
+    outputs::{self, Outputs, Request, Written},
+    text::{self, plain},
+};
 use groundcal_report::canvas::{Canvas, Ink, png, svg};
 
-use crate::{args::ThreadsArg, error::CliError};
+use crate::{args::ThreadsArg, error::CliError, interrupt};
 
 /// Pixels of a PNG for one of the SVG: sharp on dense screens.
 const PNG_SCALE: f64 = 2.0;
+/// The page of a calibration.
+pub(crate) const PAGE: &str = "report.html";
+/// Names of files that are told.
+const NAMES_SHOWN: usize = 12;
 
 /// To standard output; a reader that has had enough (`| head`) is no fault.
 pub(crate) fn print(text: &str) -> Result<(), CliError> {
@@ -30,37 +37,73 @@ pub(crate) fn note(text: &str) {
     tell(&format!("note: {text}"));
 }
 
+/// Ends the work here where a signal asks for it.
+pub(crate) fn go_on() -> Result<(), CliError> {
+    interrupt::requested().map_or(Ok(()), |code| Err(CliError::Stopped(code)))
+}
+
+/// Results that were thrown away on a signal cannot be written: the signal is the cause then.
+fn unless_stopped(error: CliError) -> CliError {
+    interrupt::requested().map_or(error, CliError::Stopped)
+}
+
 /// `--out` has to be a folder that can be written, or nothing yet: asked before minutes of work. Nothing is left behind.
-pub(crate) fn refuse_file(out: &Path) -> Result<(), CliError> {
-    if out.exists() && !out.is_dir() {
-        return Err(CliError::Usage(format!("--out {}: is a file; name a folder", out.display())));
-    }
-    let here = Path::new(".");
-    let nearest = out.ancestors().map(|p| if p.as_os_str().is_empty() { here } else { p }).find(|p| p.exists());
-    let folder = nearest.unwrap_or(here);
-    if !folder.is_dir() {
-        let out = out.display();
-        return Err(CliError::Other(format!("cannot make the folder {out}: {} is a file", folder.display())));
-    }
-    tempfile::tempfile_in(folder).map(drop).map_err(|e| {
-        CliError::Other(format!(
-            "--out {}: cannot write into {}: {e}. Name another folder",
-            out.display(),
-            folder.display()
-        ))
-    })
+pub(crate) fn check_folder(out: &Path) -> Result<(), CliError> {
+    Ok(outputs::check_folder(out)?)
 }
 
-/// Makes a folder if need be.
-pub(crate) fn make_folder(folder: &Path) -> Result<(), CliError> {
-    std::fs::create_dir_all(folder)
-        .map_err(|e| CliError::Other(format!("cannot make the folder {}: {e}", folder.display())))
+/// The results of a run on their way into `--out`; dropped before [`Results::finish`], nothing of them is left.
+pub(crate) struct Results(Outputs);
+
+impl Results {
+    /// Refuses what would be lost, before the work; see [`Outputs::begin`].
+    pub(crate) fn begin(request: &Request) -> Result<Self, CliError> {
+        let outputs = Outputs::begin(request)?;
+        interrupt::guard(outputs.abandon());
+        outputs.notes().iter().for_each(|text| note(text));
+        Ok(Self(outputs))
+    }
+
+    /// A file.
+    pub(crate) fn write(&self, name: &str, content: &[u8]) -> Result<(), CliError> {
+        self.0.write(name, content).map_err(|e| unless_stopped(e.into()))
+    }
+
+    /// `NAME.svg` and `NAME.png`.
+    pub(crate) fn write_canvas(&self, name: &str, canvas: &Canvas<Ink>) -> Result<(), CliError> {
+        self.write(&format!("{name}.svg"), svg::document(canvas).as_bytes())?;
+        self.write(&format!("{name}.png"), &png::encode(canvas, PNG_SCALE)?)
+    }
+
+    /// All files into place. What was written is told when the run's other words are said.
+    pub(crate) fn finish(self) -> Result<Finished, CliError> {
+        go_on()?;
+        self.0.commit().map(Finished).map_err(|e| unless_stopped(e.into()))
+    }
 }
 
-/// `NAME.svg` and `NAME.png`.
-pub(crate) fn write_canvas(folder: &Path, name: &str, canvas: &Canvas<Ink>) -> Result<(), CliError> {
-    write_whole(&folder.join(format!("{name}.svg")), svg::document(canvas).as_bytes())?;
-    Ok(write_whole(&folder.join(format!("{name}.png")), &png::encode(canvas, PNG_SCALE)?)?)
+/// Names of [`Results::write_canvas`].
+pub(crate) fn canvas_names(name: &str) -> [String; 2] {
+    [format!("{name}.svg"), format!("{name}.png")]
+}
+
+/// What a run has written.
+#[must_use]
+pub(crate) struct Finished(Written);
+
+impl Finished {
+    /// Says it on standard error.
+    pub(crate) fn tell(&self) {
+        let Written { folder, names, notes } = &self.0;
+        notes.iter().for_each(|text| note(text));
+        let shown: Vec<String> = names.iter().take(NAMES_SHOWN).map(|n| plain(n)).collect();
+        let more = names.len().saturating_sub(NAMES_SHOWN);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        tell(&format!("written to {}: {}{more}", text::shown(folder), shown.join(", ")));
+        if names.iter().any(|n| n == PAGE) {
+            tell(&format!("the page: {}", text::shown(&folder.join(PAGE))));
+        }
+    }
 }
 
 /// Works on as many threads as were asked for: a pool of its own, so that the program can be run again in one process.

@@ -8,6 +8,8 @@ use std::{
 use groundcal::calibrate::{Observer, Stage};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::interrupt;
+
 /// Work shorter than this shows no bar.
 const PATIENCE: Duration = Duration::from_secs(1);
 
@@ -84,6 +86,10 @@ impl Observer for StageTimes {
             }
             state.bar.inc(1);
         });
+    }
+
+    fn stopped(&self) -> bool {
+        interrupt::requested().is_some()
     }
 }
 

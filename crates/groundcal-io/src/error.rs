@@ -29,6 +29,16 @@ pub enum IoError {
     /// The library's word on what a file holds.
     #[error(transparent)]
     Calibration(Error),
+    /// A result would take the place of a file that is not an earlier one.
+    #[error("{folder}: {names} would be overwritten, {}", whose(*.input))]
+    WouldReplace {
+        /// The folder of the results, fit to be shown.
+        folder: String,
+        /// Names of such files, fit to be shown.
+        names: String,
+        /// Whether they are inputs, which are never replaced; otherwise no run wrote them as they are.
+        input: bool,
+    },
     /// Writing failed, or another fault of the surroundings.
     #[error("{}", printable(.0))]
     Other(String),
@@ -36,6 +46,10 @@ pub enum IoError {
 
 fn place(line: Option<u64>) -> String {
     line.map_or_else(String::new, |line| format!(" line {line}"))
+}
+
+fn whose(input: bool) -> &'static str {
+    if input { "which this run reads" } else { "which no run wrote, or which was changed since" }
 }
 
 impl IoError {

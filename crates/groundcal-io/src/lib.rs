@@ -4,6 +4,7 @@
 //! - [`matches::read_matches`], [`matches::read_pairs`]: CSV.
 //! - [`import::read_camera`]: a camera of this program or another, whatever its format.
 //! - [`export::write_formats`]: a calibration as files of other programs.
+//! - [`outputs::Outputs`]: what a run writes, without loss of what was there.
 //! - [`pictures`]: pictures in and out for undistorting and rectifying.
 //!
 //! Whatever is read has limits ([`limits`]); whatever is said about it is printable ([`text`]). Errors name the file, and the line or
@@ -21,6 +22,7 @@ pub mod limits;
 pub mod matches;
 pub mod names;
 pub mod note;
+pub mod outputs;
 pub mod pictures;
 pub mod text;
 pub mod view_files;

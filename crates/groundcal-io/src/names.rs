@@ -2,7 +2,7 @@
 
 use std::{
     cmp::Ordering,
-    collections::HashMap,
+    collections::{HashMap, HashSet},
     ffi::OsStr,
     path::{Path, PathBuf},
 };
@@ -55,26 +55,49 @@ pub fn image_names(files: &[PathBuf]) -> Vec<String> {
     files.iter().zip(&short).map(|(f, name)| if count[name.as_str()] > 1 { whole(f) } else { name.clone() }).collect()
 }
 
-/// Names for the files made of others: their stems, or whole file names where stems repeat; folders apart only by number.
-pub fn stems(files: &[PathBuf]) -> Vec<String> {
+/// Names for the files made of others, without ending: their stems where only one has it, else whole file names, else numbered. No two are
+/// one name in other letter case, and none is a reserved one.
+///
+/// ```
+/// use groundcal_io::names::stems;
+///
+/// assert_eq!(stems(&["x/a.png".into(), "x/b.png".into()], &[]), ["a", "b"]);
+/// assert_eq!(stems(&["x/a.png".into(), "y/a.png".into(), "x/a_png_1.png".into()], &[]), ["a_png_2", "a_png_3", "a_png_1"]);
+/// ```
+pub fn stems(files: &[PathBuf], reserved: &[&str]) -> Vec<String> {
     let text = |name: Option<&OsStr>| name.map_or_else(String::new, name_text);
-    let mut names: Vec<String> = files.iter().map(|f| text(f.file_stem())).collect();
-    for attempt in 0..2 {
+    let of_stem = |f: &PathBuf| text(f.file_stem());
+    let of_file = |f: &PathBuf| text(f.file_name()).replace('.', "_");
+    let mut taken: HashSet<String> = reserved.iter().map(|r| r.to_lowercase()).collect();
+    let mut names: Vec<Option<String>> = vec![None; files.len()];
+    for candidate in [&of_stem as &dyn Fn(&PathBuf) -> String, &of_file] {
+        let open: Vec<(usize, String)> =
+            files.iter().enumerate().filter(|(i, _)| names[*i].is_none()).map(|(i, f)| (i, candidate(f))).collect();
         let mut count: HashMap<String, usize> = HashMap::new();
-        for name in &names {
+        for (_, name) in &open {
             *count.entry(name.to_lowercase()).or_default() += 1;
         }
-        let mut seen: HashMap<String, usize> = HashMap::new();
-        for (name, file) in names.iter_mut().zip(files) {
-            if count[&name.to_lowercase()] > 1 {
-                let number = seen.entry(name.to_lowercase()).or_default();
-                *number += 1;
-                *name =
-                    if attempt == 0 { text(file.file_name()).replace('.', "_") } else { format!("{name}_{number}") };
+        for (i, name) in open {
+            if count[&name.to_lowercase()] == 1 && taken.insert(name.to_lowercase()) {
+                names[i] = Some(name);
             }
         }
     }
-    names
+    let mut numbers: HashMap<String, usize> = HashMap::new();
+    let numbered = |(name, file): (Option<String>, &PathBuf)| {
+        name.unwrap_or_else(|| {
+            let base = of_file(file);
+            let number = numbers.entry(base.to_lowercase()).or_default();
+            loop {
+                *number += 1;
+                let name = format!("{base}_{number}");
+                if taken.insert(name.to_lowercase()) {
+                    return name;
+                }
+            }
+        })
+    };
+    names.into_iter().zip(files).map(numbered).collect()
 }
 
 #[cfg(test)]
@@ -97,9 +120,20 @@ mod tests {
 
     #[test]
     fn names_of_what_is_made_are_told_apart() {
-        let paths = |names: &[&str]| names.iter().map(PathBuf::from).collect::<Vec<_>>();
-        assert_eq!(stems(&paths(&["x/a.jpg", "x/b.png"])), ["a", "b"]);
-        assert_eq!(stems(&paths(&["x/a.jpg", "x/a.png"])), ["a_jpg", "a_png"]);
-        assert_eq!(stems(&paths(&["x/a.jpg", "y/a.jpg"])), ["a_jpg_1", "a_jpg_2"]);
+        let of = |names: &[&str]| stems(&names.iter().map(PathBuf::from).collect::<Vec<_>>(), &["map_x"]);
+        assert_eq!(of(&["x/a.jpg", "x/b.png"]), ["a", "b"]);
+        assert_eq!(of(&["x/a.jpg", "x/a.png"]), ["a_jpg", "a_png"]);
+        assert_eq!(of(&["x/a.jpg", "y/a.jpg"]), ["a_jpg_1", "a_jpg_2"]);
+        assert_eq!(of(&["x/a.jpg", "x/A.png", "x/a_JPG.png"]), ["a_jpg_1", "A_png", "a_JPG"]);
+        assert_eq!(of(&["x/map_x.tiff", "x/MAP_X_TIFF.png"]), ["map_x_tiff_1", "MAP_X_TIFF"]);
+        // Whatever the files are called.
+        let parts = ["a", "A", "a_png", "a_png_1", "a_png_2", "a_png_1_png", "a.b"];
+        let files: Vec<String> = ["x", "y", "z"]
+            .iter()
+            .flat_map(|f| parts.iter().flat_map(move |n| ["png", "PNG", "jpg"].map(|e| format!("{f}/{n}.{e}"))))
+            .collect();
+        let names = of(&files.iter().map(String::as_str).collect::<Vec<_>>());
+        let apart: HashSet<String> = names.iter().map(|n| n.to_lowercase()).collect();
+        assert_eq!(apart.len(), files.len());
     }
 }

@@ -25,6 +25,9 @@ impl Note {
     /// One of several pages.
     pub const SEVERAL_PAGES: &str = "several_pages";
 
+    /// A picture written with fewer bits than it has.
+    pub const DEPTH_LOST: &str = "depth_lost";
+
     pub(crate) fn file(code: &'static str, path: &Path, what: impl Into<String>) -> Self {
         Self { code, file: Some(shown(path)), what: what.into() }
     }

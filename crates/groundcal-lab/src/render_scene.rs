@@ -1,4 +1,4 @@
-//! Renders a scene file: one picture a view, and `truth.json` beside them.
+//! What a scene file makes: one picture a view, and `truth.json` beside them.
 
 use std::path::Path;
 
@@ -12,15 +12,57 @@ use image::{
 };
 
 use groundcal_io::error::IoError;
-use groundcal_io::export::write_whole;
 
-/// Renders every view of the scene file into `out_dir`; each file appears whole or not at all, `truth.json` last.
-pub fn run(scene_path: &Path, out_dir: &Path) -> Result<(), IoError> {
-    let name = scene_path.display().to_string();
-    let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
-    let text = std::fs::read_to_string(scene_path).map_err(|e| wrong(&format!("cannot be read: {e}")))?;
-    let scene: Scene = toml::from_str(&text).map_err(|e| wrong(&format!("not a scene file: {e}")))?;
-    write_pictures(&scene, &name, out_dir)
+/// A scene and the name it has in messages.
+#[derive(Debug, Clone)]
+pub struct SceneFile {
+    scene: Scene,
+    name: String,
+}
+
+/// A file's name and content.
+type NamedFile = (String, Vec<u8>);
+
+impl SceneFile {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// [`IoError::Input`] when it cannot be read or is no scene.
+    pub fn read(path: &Path) -> Result<Self, IoError> {
+        let name = path.display().to_string();
+        let wrong = |e: &dyn std::fmt::Display| IoError::Input(format!("{name}: {e}"));
+        let text = std::fs::read_to_string(path).map_err(|e| wrong(&format!("cannot be read: {e}")))?;
+        let scene: Scene = toml::from_str(&text).map_err(|e| wrong(&format!("not a scene file: {e}")))?;
+        scene.validate().map_err(|e| wrong(&e))?;
+        Ok(Self { scene, name })
+    }
+
+    /// Names of the files it makes: its pictures, and `truth.json`.
+    pub fn file_names(&self) -> Vec<String> {
+        file_names(&self.scene)
+    }
+
+    /// Renders one picture after the other; `truth.json` comes last.
+    ///
+    /// # Errors
+    /// [`IoError::Input`] when the scene cannot be rendered, also later on.
+    pub fn files(&self) -> Result<impl Iterator<Item = Result<NamedFile, IoError>>, IoError> {
+        let renderer = Renderer::new(&self.scene).map_err(|e| IoError::Input(format!("{}: {e}", self.name)))?;
+        let picture = move |index| {
+            let rendered = render_one(&self.scene, &renderer, index, &self.name)?;
+            Ok((rendered.file, rendered.bytes))
+        };
+        let truth = std::iter::once_with(|| Ok((TRUTH.to_string(), truth_json(&self.scene)?.into_bytes())));
+        Ok((0..self.scene.view_count()).map(picture).chain(truth))
+    }
+}
+
+/// The file of a scene's truth.
+pub(crate) const TRUTH: &str = "truth.json";
+
+/// Names of a scene's files.
+pub(crate) fn file_names(scene: &Scene) -> Vec<String> {
+    scene.views().map(|(_, view)| view.file.clone()).chain([TRUTH.to_string()]).collect()
 }
 
 /// A picture of a scene.
@@ -67,19 +109,6 @@ pub fn truth_json(scene: &Scene) -> Result<String, IoError> {
         .map_err(|e| IoError::Other(format!("cannot write the truth as JSON: {e}")))
 }
 
-/// Renders every view of a scene into `out_dir` (made if missing), then writes `truth.json` there. Each file appears whole or not at
-/// all; `truth.json` comes last, so that its presence says that the pictures are complete. `name` stands for the scene in messages.
-fn write_pictures(scene: &Scene, name: &str, out_dir: &Path) -> Result<(), IoError> {
-    let renderer = Renderer::new(scene).map_err(|e| IoError::Input(format!("{name}: {e}")))?;
-    std::fs::create_dir_all(out_dir)
-        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", out_dir.display())))?;
-    for index in 0..scene.view_count() {
-        let rendered = render_one(scene, &renderer, index, name)?;
-        write_whole(&out_dir.join(&rendered.file), &rendered.bytes)?;
-    }
-    write_whole(&out_dir.join("truth.json"), truth_json(scene)?.as_bytes())
-}
-
 /// PNG or JPEG, as the file's name says.
 pub fn encode(picture: &RgbImage8, file: &str, jpeg_quality: u8) -> Result<Vec<u8>, ImageError> {
     let mut bytes = Vec::new();
@@ -118,18 +147,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene = folder.path().join("scene.toml");
         std::fs::write(&scene, SCENE).unwrap();
-        let out = folder.path().join("new/out");
-        run(&scene, &out).unwrap();
-        for file in ["a.png", "b.jpg"] {
-            let picture = image::open(out.join(file)).unwrap();
+        let scene = SceneFile::read(&scene).unwrap();
+        let files: Vec<NamedFile> = scene.files().unwrap().collect::<Result<_, _>>().unwrap();
+        assert_eq!(files.iter().map(|f| f.0.clone()).collect::<Vec<_>>(), scene.file_names());
+        assert_eq!(scene.file_names(), ["a.png", "b.jpg", "truth.json"]);
+        for (_, bytes) in &files[..2] {
+            let picture = image::load_from_memory(bytes).unwrap();
             assert_eq!((picture.width(), picture.height()), (64, 48));
         }
-        let truth: serde_json::Value =
-            serde_json::from_str(&std::fs::read_to_string(out.join("truth.json")).unwrap()).unwrap();
+        let truth: serde_json::Value = serde_json::from_slice(&files[2].1).unwrap();
         assert_eq!(truth["fy"], 50.0);
         assert_eq!(truth["views"][1]["file"], "b.jpg");
         assert_eq!(truth["distortion"]["model"], "none");
-        assert_eq!(std::fs::read_dir(&out).unwrap().count(), 3, "no temporary file is left");
     }
 
     #[test]
@@ -138,11 +167,11 @@ mod tests {
         let scene = folder.path().join("scene.toml");
         let message = |text: &str| {
             std::fs::write(&scene, text).unwrap();
-            run(&scene, folder.path()).unwrap_err().to_string()
+            SceneFile::read(&scene).unwrap_err().to_string()
         };
         assert!(message(&SCENE.replace("fx = 50", "fx = -1")).contains("camera.fx = -1.0: must be positive"));
         let text = message(&SCENE.replace("fx = 50", "focal = 50"));
         assert!(text.contains("focal") && text.contains("line 4"), "{text}");
-        assert!(run(&folder.path().join("none.toml"), folder.path()).unwrap_err().to_string().contains("none.toml"));
+        assert!(SceneFile::read(&folder.path().join("none.toml")).unwrap_err().to_string().contains("none.toml"));
     }
 }

@@ -1,9 +1,6 @@
 //! `groundcal calibrate`: the camera from photographs, or from matches.
 
-use std::{
-    path::{Path, PathBuf},
-    time::Instant,
-};
+use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
@@ -20,6 +17,7 @@ use groundcal_io::{
     inputs::{Inputs, find_inputs},
     matches::{PairChoice, read_matches, read_pairs},
     names::image_names,
+    outputs::Request,
 };
 use groundcal_report::{
     html,
@@ -28,11 +26,11 @@ use groundcal_report::{
 
 use crate::{
     args::{
-        ConstraintArg, DistortionArg, FormatArg, MotionArg, ThreadsArg, parse_height, parse_point, parse_prior,
-        parse_size,
+        ConstraintArg, DistortionArg, FormatArg, MotionArg, OverwriteArg, ThreadsArg, parse_height, parse_point,
+        parse_prior, parse_size,
     },
     error::CliError,
-    output,
+    output::{self, Results},
     progress::StageTimes,
     remedies::Flags,
 };
@@ -144,6 +142,9 @@ pub(crate) struct CalibrateArgs {
     pub(crate) json: bool,
 
     #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
+
+    #[command(flatten)]
     pub(crate) threads: ThreadsArg,
 
     /// List every pair and show how long each stage took (on standard error)
@@ -176,14 +177,41 @@ impl From<MethodArg> for Method {
 /// Calibrates, writes the files of `--out` and prints the report.
 pub(crate) fn run(args: &CalibrateArgs) -> Result<(), CliError> {
     if let Some(out) = &args.out {
-        output::refuse_file(out)?;
+        output::check_folder(out)?;
     }
-    output::on_threads(args.threads, || calibrate(args))
+    let inputs = find_inputs(&args.inputs)?;
+    let results = begin(args, &inputs)?;
+    output::on_threads(args.threads, || calibrate(args, inputs, results))
 }
 
-fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
+/// The files of `--out`, if it is given, before the work.
+fn begin(args: &CalibrateArgs, inputs: &Inputs) -> Result<Option<Results>, CliError> {
+    let Some(out) = &args.out else { return Ok(None) };
+    let of_formats = export::file_names(&formats(args));
+    let page = (!args.no_report).then_some(output::PAGE);
+    let names: Vec<String> = ["calibration.json"].into_iter().chain(page).chain(of_formats).map(String::from).collect();
+    let read: Vec<PathBuf> = match inputs {
+        Inputs::Images(files) => files.iter().chain(&args.pairs).cloned().collect(),
+        Inputs::Csv(file) => [file].into_iter().chain(&args.pairs).cloned().collect(),
+    };
+    let request = Request {
+        folder: out,
+        command: "calibrate",
+        names: &names,
+        inputs: &read,
+        basis: None,
+        overwrite: args.overwrite.overwrite,
+    };
+    Results::begin(&request).map(Some)
+}
+
+fn formats(args: &CalibrateArgs) -> Vec<Format> {
+    args.format.iter().map(|f| (*f).into()).collect()
+}
+
+fn calibrate(args: &CalibrateArgs, inputs: Inputs, results: Option<Results>) -> Result<(), CliError> {
     let progress = StageTimes::new("reading");
-    let result = from_inputs(args, &progress);
+    let result = from_inputs(args, inputs, &progress);
     let mut times = progress.finish();
     let Calibrated { mut calibration, images, notes } = result?;
     for note in notes {
@@ -192,13 +220,14 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
     if let Some(height_m) = args.camera_height {
         calibration = calibration.with_camera_height(height_m)?;
     }
-    if let Some(out) = &args.out {
+    let mut finished = None;
+    if let Some(results) = results {
         let start = Instant::now();
         let page = if args.no_report { None } else { Some(html::page(&calibration, &images, &Flags)?) };
-        let formats: Vec<Format> = args.format.iter().map(|f| (*f).into()).collect();
-        for note in write_results(out, &calibration, &formats, page.as_deref())? {
+        for note in write_results(&results, &calibration, &formats(args), page.as_deref())? {
             output::note(&note);
         }
+        finished = Some(results.finish()?);
         times.push(("writing", start.elapsed()));
     }
     let page = if args.json {
@@ -207,6 +236,9 @@ fn calibrate(args: &CalibrateArgs) -> Result<(), CliError> {
         text::summary(&calibration, &SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() }, &Flags)
     };
     output::print(&page)?;
+    if let Some(finished) = finished {
+        finished.tell();
+    }
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
         for (stage, time) in &times {
@@ -227,9 +259,9 @@ struct Calibrated {
 }
 
 /// Input to calibration.
-fn from_inputs(args: &CalibrateArgs, progress: &StageTimes) -> Result<Calibrated, CliError> {
+fn from_inputs(args: &CalibrateArgs, inputs: Inputs, progress: &StageTimes) -> Result<Calibrated, CliError> {
     let mut options = options(args);
-    match find_inputs(&args.inputs)? {
+    match inputs {
         Inputs::Images(files) => {
             if args.image_size.is_some() {
                 return Err(CliError::Usage(
@@ -314,23 +346,20 @@ fn options(args: &CalibrateArgs) -> Options {
     options
 }
 
-/// The files of `--out`, the report's page among them if there is one, `calibration.json` last; the folder is made if need be. Returns
-/// what the formats cannot say.
+/// The files of `--out`, the report's page among them if there is one. Returns what the formats cannot say.
 fn write_results(
-    out: &Path,
+    results: &Results,
     calibration: &Calibration,
     formats: &[Format],
     page: Option<&str>,
 ) -> Result<Vec<String>, CliError> {
-    output::make_folder(out)?;
-    let json = export::json(calibration, &Flags)?;
     let rendered = export::render(calibration, formats)?;
+    results.write("calibration.json", export::json(calibration, &Flags)?.as_bytes())?;
     if let Some(page) = page {
-        export::write_whole(&out.join("report.html"), page.as_bytes())?;
+        results.write(output::PAGE, page.as_bytes())?;
     }
     for file in &rendered.files {
-        export::write_whole(&out.join(file.name), file.content.as_bytes())?;
+        results.write(file.name, file.content.as_bytes())?;
     }
-    export::write_whole(&out.join("calibration.json"), json.as_bytes())?;
     Ok(rendered.notes)
 }

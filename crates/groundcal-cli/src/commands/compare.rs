@@ -1,6 +1,6 @@
 //! `groundcal compare`: how far calibrations differ, in their parameters and in pixels.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use groundcal::{
@@ -14,10 +14,14 @@ use groundcal::{
 };
 use nalgebra::{DMatrix, DVector};
 
-use crate::{error::CliError, output};
+use crate::{
+    args::OverwriteArg,
+    error::CliError,
+    output::{self, Finished, Results, canvas_names},
+};
 use groundcal_io::{
-    export::write_whole,
     import::{self, ImportedCamera},
+    outputs::Request,
     text::plain,
 };
 use groundcal_report::{
@@ -48,6 +52,9 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
 
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
+
     /// Print the comparison as JSON on standard output and nothing else there
     #[arg(long)]
     pub(crate) json: bool,
@@ -62,18 +69,45 @@ struct Camera {
 
 /// Compares, writes the files of `--out` and prints the comparison; what was left out is told on standard error.
 pub(crate) fn run(args: &CompareArgs) -> Result<(), CliError> {
-    if let Some(out) = &args.out {
-        output::refuse_file(out)?;
-    }
-    let (text, notes) = compared(args)?;
+    let results = begin(args)?;
+    let (text, notes, finished) = compared(args, results)?;
     for note in notes {
         output::note(&note);
     }
-    output::print(&text)
+    output::print(&text)?;
+    if let Some(finished) = finished {
+        finished.tell();
+    }
+    Ok(())
 }
 
-/// What goes to standard output, with notes for standard error.
-fn compared(args: &CompareArgs) -> Result<(String, Vec<String>), CliError> {
+/// The files of `--out`, if it is given, before the work.
+fn begin(args: &CompareArgs) -> Result<Option<Results>, CliError> {
+    let Some(out) = &args.out else { return Ok(None) };
+    let pictures = (1..args.files.len()).flat_map(|i| canvas_names(&picture(i)));
+    let names: Vec<String> = [JSON.to_string()].into_iter().chain(pictures).collect();
+    let inputs: Vec<PathBuf> = args.files.iter().map(import::camera_file).collect();
+    let request = Request {
+        folder: out,
+        command: "compare",
+        names: &names,
+        inputs: &inputs,
+        basis: None,
+        overwrite: args.overwrite.overwrite,
+    };
+    Results::begin(&request).map(Some)
+}
+
+/// The comparison's file.
+const JSON: &str = "comparison.json";
+
+/// Name of the picture of a camera after the first, without its ending.
+fn picture(camera: usize) -> String {
+    format!("difference_{camera}")
+}
+
+/// What goes to standard output, notes for standard error, and what was written.
+fn compared(args: &CompareArgs, results: Option<Results>) -> Result<(String, Vec<String>, Option<Finished>), CliError> {
     let cameras = args.files.iter().map(import::read_camera).collect::<Result<Vec<ImportedCamera>, _>>()?;
     let of = |(file, camera): (&String, &ImportedCamera)| {
         camera.notes.iter().map(|n| format!("{}: {n}", plain(file))).collect::<Vec<_>>()
@@ -124,21 +158,19 @@ fn compared(args: &CompareArgs) -> Result<(String, Vec<String>), CliError> {
     let json = serde_json::to_string_pretty(&all)
         .map(|text| text + "\n")
         .map_err(|e| CliError::Other(format!("cannot write the comparison as JSON: {e}")))?;
-    if let Some(out) = &args.out {
-        write_files(out, &json, &pictures)?;
-    }
+    let finished = results.map(|results| write_files(results, &json, &pictures)).transpose()?;
     if args.json {
-        return Ok((json, notes));
+        return Ok((json, notes, finished));
     }
-    Ok((comparison::text(&all, terminal::WIDTH), notes))
+    Ok((comparison::text(&all, terminal::WIDTH), notes, finished))
 }
 
-fn write_files(out: &Path, json: &str, pictures: &[Field]) -> Result<(), CliError> {
-    output::make_folder(out)?;
+fn write_files(results: Results, json: &str, pictures: &[Field]) -> Result<Finished, CliError> {
     for (i, field) in pictures.iter().enumerate() {
-        output::write_canvas(out, &format!("difference_{}", i + 1), &field.layout())?;
+        results.write_canvas(&picture(i + 1), &field.layout())?;
     }
-    Ok(write_whole(&out.join("comparison.json"), json.as_bytes())?)
+    results.write(JSON, json.as_bytes())?;
+    results.finish()
 }
 
 /// The camera at the reference's image size, and the size it had.

@@ -6,12 +6,13 @@ use clap::Args;
 use groundcal_io::{
     export::{self, Format},
     import,
+    outputs::Request,
 };
 
 use crate::{
-    args::{FormatArg, camera_of},
+    args::{FormatArg, OverwriteArg, camera_of},
     error::CliError,
-    output,
+    output::{self, Results},
 };
 
 /// `groundcal convert`.
@@ -34,25 +35,38 @@ pub(crate) struct ConvertArgs {
     /// Which formats, with commas between [default: all]
     #[arg(long, value_enum, value_delimiter = ',', value_name = "FORMAT")]
     pub(crate) format: Vec<FormatArg>,
+
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
 }
 
 /// Writes the files and prints their names; what was left out is told on standard error.
 pub(crate) fn run(args: &ConvertArgs) -> Result<(), CliError> {
-    output::refuse_file(&args.out)?;
+    output::check_folder(&args.out)?;
+    let formats: Vec<Format> = args.format.iter().copied().map(Format::from).collect();
+    let names: Vec<String> = export::file_names(&formats).into_iter().map(String::from).collect();
+    let results = Results::begin(&Request {
+        folder: &args.out,
+        command: "convert",
+        names: &names,
+        inputs: &[import::camera_file(&args.camera)],
+        basis: None,
+        overwrite: args.overwrite.overwrite,
+    })?;
     let imported = import::read_camera(&args.camera)?;
     let camera = camera_of(&args.camera, &imported)?;
-    let formats: Vec<Format> = args.format.iter().copied().map(Format::from).collect();
     let rendered = export::render_camera(&camera, &formats)?;
-    output::make_folder(&args.out)?;
     let mut text = String::new();
     for file in &rendered.files {
-        let path = args.out.join(file.name);
-        export::write_whole(&path, file.content.as_bytes())?;
+        results.write(file.name, file.content.as_bytes())?;
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "{}", path.display());
+        let _ = writeln!(text, "{}", args.out.join(file.name).display());
     }
+    let finished = results.finish()?;
     for note in imported.notes.iter().chain(&rendered.notes) {
         output::note(note);
     }
-    output::print(&text)
+    output::print(&text)?;
+    finished.tell();
+    Ok(())
 }

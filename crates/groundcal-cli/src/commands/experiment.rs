@@ -3,10 +3,15 @@
 use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
-use groundcal_io::export::write_whole;
+use groundcal_io::outputs::Request;
 use groundcal_lab::experiments::{catalogue::Experiment, setup::ExperimentOptions};
 
-use crate::{args::ThreadsArg, error::CliError, output, progress::Bar};
+use crate::{
+    args::{OverwriteArg, ThreadsArg},
+    error::CliError,
+    output::{self, Results},
+    progress::Bar,
+};
 
 /// `groundcal experiment`.
 #[derive(Debug, Args)]
@@ -29,6 +34,9 @@ pub(crate) struct ExperimentArgs {
     /// Seed of the pictures' noise, of given matches and of all random choices
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
+
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
 
     #[command(flatten)]
     pub(crate) threads: ThreadsArg,
@@ -67,25 +75,41 @@ impl ExperimentArg {
 
 /// Runs the experiments asked for; each is written and printed when it is done.
 pub(crate) fn run(args: &ExperimentArgs) -> Result<(), CliError> {
-    output::refuse_file(&args.out)?;
+    // All of them are asked for before the first.
+    for experiment in args.experiment.experiments() {
+        begin(args, experiment)?;
+    }
     output::on_threads(args.threads, || experiment(args))
 }
 
+fn options(args: &ExperimentArgs) -> ExperimentOptions {
+    ExperimentOptions { seed: args.seed, quick: args.quick }
+}
+
+/// The files of an experiment, before the work.
+fn begin(args: &ExperimentArgs, experiment: Experiment) -> Result<Results, CliError> {
+    Results::begin(&Request {
+        folder: &args.out,
+        command: &format!("experiment {}", experiment.name()),
+        names: &experiment.file_names(&options(args))?,
+        inputs: &[],
+        basis: None,
+        overwrite: args.overwrite.overwrite,
+    })
+}
+
 fn experiment(args: &ExperimentArgs) -> Result<(), CliError> {
-    output::make_folder(&args.out)?;
-    let options = ExperimentOptions { seed: args.seed, quick: args.quick };
     for experiment in args.experiment.experiments() {
         let began = Instant::now();
+        let results = begin(args, experiment)?;
         let bar = Bar::new("{msg:24} [{bar:40}] {pos}/{len}");
-        let result = experiment.run(&options, &bar)?;
+        let result = experiment.run(&options(args), &bar)?;
         for file in &result.files {
-            let path = args.out.join(&file.path);
-            if let Some(folder) = path.parent() {
-                output::make_folder(folder)?;
-            }
-            write_whole(&path, &file.bytes)?;
+            results.write(&file.name, &file.bytes)?;
         }
+        let finished = results.finish()?;
         output::print(&format!("{}\n", result.page))?;
+        finished.tell();
         // Times differ from run to run: not on standard output.
         output::tell(&format!("{}: {:.1} s", experiment.name(), began.elapsed().as_secs_f64()));
     }

@@ -6,9 +6,9 @@ use clap::Args;
 use clap_mangen::Man;
 use roff::{Roff, roman};
 
-use groundcal_io::export::write_whole;
+use groundcal_io::outputs::Request;
 
-use crate::{error::CliError, output};
+use crate::{args::OverwriteArg, error::CliError, output::Results};
 
 /// `groundcal man`.
 #[derive(Debug, Args)]
@@ -18,16 +18,29 @@ pub(crate) struct ManArgs {
     /// Folder for groundcal.1 and a page for each command (made if need be)
     #[arg(long, value_name = "DIR")]
     pub(crate) out: PathBuf,
+
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
 }
 
 /// Writes the pages.
 pub(crate) fn run(args: &ManArgs, program: clap::Command) -> Result<(), CliError> {
-    output::refuse_file(&args.out)?;
     let fail = |e: std::io::Error| CliError::Other(format!("cannot make the manual pages: {e}"));
-    output::make_folder(&args.out)?;
-    for (name, page) in pages(program).map_err(fail)? {
-        write_whole(&args.out.join(format!("{name}.1")), &page)?;
+    let pages = pages(program).map_err(fail)?;
+    let file = |name: &str| format!("{name}.1");
+    let names: Vec<String> = pages.iter().map(|(name, _)| file(name)).collect();
+    let results = Results::begin(&Request {
+        folder: &args.out,
+        command: "man",
+        names: &names,
+        inputs: &[],
+        basis: None,
+        overwrite: args.overwrite.overwrite,
+    })?;
+    for (name, page) in &pages {
+        results.write(&file(name), page)?;
     }
+    results.finish()?.tell();
     Ok(())
 }
 

@@ -11,24 +11,22 @@ use groundcal::{
         view::{FloorGrid, FloorView},
     },
     result::{Calibration, Method},
-    vision::resample::{Pyramid, Resampled},
+    vision::resample::{Pyramid, Raster, Resampled},
 };
 use groundcal_io::{
-    export::{
-        floor_picture::{self, FloorPicture},
-        write_whole,
-    },
+    export::floor_picture::{self, FloorPicture},
     import::groundcal_json,
     inputs::find_images,
     names::stems,
-    pictures::{self, PictureFormat, PictureReader},
+    outputs::{Request, sha256},
+    pictures::{self, Encode, Picture, PictureFormat, PictureReader},
     view_files::{ViewFiles, look_beside, match_files},
 };
 
 use crate::{
-    args::{PictureFormatArg, ThreadsArg, parse_height},
+    args::{OverwriteArg, PictureFormatArg, ThreadsArg, parse_height},
     error::CliError,
-    output,
+    output::{self, Finished, Results},
 };
 
 /// `groundcal rectify`.
@@ -77,9 +75,12 @@ pub(crate) struct RectifyArgs {
     #[arg(long, value_enum)]
     pub(crate) up: Option<Up>,
 
-    /// Kind of picture
-    #[arg(long, value_enum, default_value_t = PictureFormatArg::Png)]
-    pub(crate) format: PictureFormatArg,
+    /// Kind of picture [default: png; 16-bit TIFF and floating point stay TIFF]
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<PictureFormatArg>,
+
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
 
     #[command(flatten)]
     pub(crate) threads: ThreadsArg,
@@ -123,18 +124,36 @@ struct Work<'a> {
     camera_height_m: Option<f64>,
 }
 
+/// A picture to be made.
+struct Planned {
+    /// Without ending.
+    name: String,
+    grid: FloorGrid,
+    /// Which of the views found are in it.
+    views: Vec<usize>,
+}
+
+impl Planned {
+    /// Names of the picture, of the JSON and the world file beside it.
+    fn files(&self, format: PictureFormat) -> [String; 3] {
+        [format.extension(), "json", format.world_extension()].map(|ending| format!("{}.{ending}", self.name))
+    }
+}
+
 /// Runs the command; what was left out is told on standard error.
 pub(crate) fn run(args: &RectifyArgs) -> Result<(), CliError> {
-    output::refuse_file(&args.out)?;
-    let (text, notes) = output::on_threads(args.threads, || pictures_of(args))?;
+    output::check_folder(&args.out)?;
+    let (text, notes, finished) = output::on_threads(args.threads, || pictures_of(args))?;
     for note in notes {
         output::note(&note);
     }
-    output::print(&text)
+    output::print(&text)?;
+    finished.tell();
+    Ok(())
 }
 
-/// Writes the pictures; what is printed, with notes for standard error.
-fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
+/// Writes the pictures; what is printed, notes for standard error, and what was written.
+fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>, Finished), CliError> {
     let calibration = groundcal_json::read(&args.calibration)?;
     let camera_height_m = args.camera_height.or(calibration.camera_height_m);
     let scale = args.camera_height.map_or(1.0, |h| h / calibration.camera_height_m.unwrap_or(1.0));
@@ -165,22 +184,31 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>), CliError> {
     };
     let sets = work.sets(&found);
     let px_per_unit = work.resolution(&sets, &mut notes)?;
-    // Images that cannot be used are refused before anything is written.
+    // Images that cannot be used, and results that would overwrite something, are refused before anything is written.
     let files: Vec<PathBuf> = found.iter().map(|f| f.file.clone()).collect();
-    let (reader, said) = PictureReader::new(&files, work.layout.size)?;
+    let asked = args.format.map(PictureFormat::from);
+    let (reader, said) = PictureReader::new(&files, work.layout.size, asked, args.mosaic)?;
     notes.extend(said.iter().map(ToString::to_string));
-    output::make_folder(&args.out)?;
+    let plan = if args.mosaic {
+        work.mosaics(&found, &sets, px_per_unit)
+    } else {
+        work.single_views(&found, &files, px_per_unit, &mut notes)
+    };
+    let results = work.begin(&plan, &files, &reader)?;
     let mut text = format!(
         "{px_per_unit} px per {}, floor shown to {} from below each camera\n",
         work.unit(),
         work.length(work.layout.max_distance)
     );
-    if args.mosaic {
-        work.mosaics(&sets, px_per_unit, &reader, &mut text)?;
-    } else {
-        work.single_views(&found, px_per_unit, &reader, &mut text, &mut notes)?;
+    for planned in &plan {
+        work.make(planned, &found, &reader, &results, &mut text)?;
     }
-    Ok((text, notes))
+    Ok((text, notes, results.finish()?))
+}
+
+/// The format of a picture: that of its views.
+fn format_of(planned: &Planned, reader: &PictureReader) -> PictureFormat {
+    reader.format(planned.views.first().copied().unwrap_or_default())
 }
 
 /// The views whose files are there, and notes on the others.
@@ -292,76 +320,111 @@ impl Work<'_> {
     fn single_views(
         &self,
         found: &[Found],
+        files: &[PathBuf],
         px_per_unit: f64,
-        reader: &PictureReader,
-        text: &mut String,
         notes: &mut Vec<String>,
-    ) -> Result<(), CliError> {
-        let names = stems(&found.iter().map(|f| f.file.clone()).collect::<Vec<_>>());
-        for (f, name) in found.iter().zip(&names) {
+    ) -> Vec<Planned> {
+        let mut plan = Vec::new();
+        for (i, (f, name)) in found.iter().zip(stems(files, &[])).enumerate() {
             let Some(grid) = self.layout.grid(&[&f.placed.view], px_per_unit) else {
                 let within = self.length(self.layout.max_distance);
                 notes.push(format!("{}: no floor in it within {within}: left out", f.placed.image));
                 continue;
             };
-            let picture = Pyramid::new(reader.read(&f.file)?);
-            let out = rectify(&picture, &f.placed.view, &grid, self.layout.max_distance);
-            self.write(&format!("{name}_floor"), grid, &[f], &out, text)?;
+            plan.push(Planned { name: format!("{name}_floor"), grid, views: vec![i] });
         }
-        Ok(())
+        plan
     }
 
-    fn mosaics(
-        &self,
-        sets: &[Vec<&Found>],
-        px_per_unit: f64,
-        reader: &PictureReader,
-        text: &mut String,
-    ) -> Result<(), CliError> {
-        let channels = if reader.has_colour() { 3 } else { 1 };
-        for (i, set) in sets.iter().enumerate() {
-            let Some(grid) = self.layout.grid(&views(set), px_per_unit) else { continue };
-            let mut mosaic = Mosaic::new(grid, channels, self.layout.max_distance);
-            for f in set {
-                let mut picture = reader.read(&f.file)?;
-                if reader.has_colour() {
-                    picture = pictures::to_colour(picture);
-                }
-                mosaic.add(&Pyramid::new(picture), &f.placed.view);
-            }
+    fn mosaics(&self, found: &[Found], sets: &[Vec<&Found>], px_per_unit: f64) -> Vec<Planned> {
+        let place = |f: &&Found| found.iter().position(|g| std::ptr::eq(g, *f));
+        let planned = |(i, set): (usize, &Vec<&Found>)| {
+            let grid = self.layout.grid(&views(set), px_per_unit)?;
             let name = if sets.len() == 1 { "mosaic".to_string() } else { format!("mosaic_{}", i + 1) };
-            self.write(&name, grid, set, &mosaic.finish(), text)?;
-        }
-        Ok(())
+            Some(Planned { name, grid, views: set.iter().filter_map(place).collect() })
+        };
+        sets.iter().enumerate().filter_map(planned).collect()
     }
 
-    /// The picture last: when it is there, the files beside it are.
-    fn write(
+    /// All files, before the work.
+    fn begin(&self, plan: &[Planned], files: &[PathBuf], reader: &PictureReader) -> Result<Results, CliError> {
+        let names: Vec<String> = plan.iter().flat_map(|p| p.files(format_of(p, reader))).collect();
+        let calibration = groundcal_json::file_of(&self.args.calibration);
+        let inputs: Vec<PathBuf> = files.iter().cloned().chain([calibration]).collect();
+        let json = serde_json::to_vec(self.calibration)
+            .map_err(|e| CliError::Other(format!("cannot write the calibration as JSON: {e}")))?;
+        let basis = sha256(&json);
+        Results::begin(&Request {
+            folder: &self.args.out,
+            command: if self.args.mosaic { "rectify --mosaic" } else { "rectify" },
+            names: &names,
+            inputs: &inputs,
+            // Single views of one calibration may come one after the other; mosaics of other views take the place of the last ones.
+            basis: (!self.args.mosaic).then_some(&basis),
+            overwrite: self.args.overwrite.overwrite,
+        })
+    }
+
+    /// The floor in the depth of its first picture, which is that of all.
+    fn flat<T: Encode>(
         &self,
-        name: &str,
-        grid: FloorGrid,
+        planned: &Planned,
+        first: Raster<T>,
         set: &[&Found],
-        resampled: &Resampled,
+        reader: &PictureReader,
+    ) -> Result<Resampled<T>, CliError> {
+        let far = self.layout.max_distance;
+        if !self.args.mosaic {
+            let Some(f) = set.first() else { return Err(CliError::Other("a picture of no view".into())) };
+            return Ok(rectify(&Pyramid::new(first), &f.placed.view, &planned.grid, far));
+        }
+        let channels = if reader.has_colour() { 3 } else { 1 };
+        let mut mosaic = Mosaic::new(planned.grid, channels, far);
+        let mut first = Some(first);
+        for (index, f) in planned.views.iter().zip(set) {
+            output::go_on()?;
+            let picture = match first.take() {
+                Some(first) => first,
+                None => T::of(reader.read(*index)?)
+                    .ok_or_else(|| CliError::Other("pictures of different depths in one".into()))?,
+            };
+            let picture = if reader.has_colour() { pictures::to_colour(picture) } else { picture };
+            mosaic.add(&Pyramid::new(picture), &f.placed.view);
+        }
+        Ok(mosaic.finish())
+    }
+
+    fn make(
+        &self,
+        planned: &Planned,
+        found: &[Found],
+        reader: &PictureReader,
+        results: &Results,
         text: &mut String,
     ) -> Result<(), CliError> {
-        let format = PictureFormat::from(self.args.format);
-        let file = format!("{name}.{}", format.extension());
+        output::go_on()?;
+        let set: Vec<&Found> = planned.views.iter().filter_map(|i| found.get(*i)).collect();
+        let Some(first) = planned.views.first() else { return Ok(()) };
+        let format = format_of(planned, reader);
+        let [file, beside, world] = planned.files(format);
         let path = self.args.out.join(&file);
-        let bytes = pictures::encode(resampled, format, &path)?;
-        let camera = &self.calibration.camera;
+        let bytes = match reader.read(*first)? {
+            Picture::U8(picture) => pictures::encode(&self.flat(planned, picture, &set, reader)?, format, &path),
+            Picture::U16(picture) => pictures::encode(&self.flat(planned, picture, &set, reader)?, format, &path),
+            Picture::F32(picture) => pictures::encode(&self.flat(planned, picture, &set, reader)?, format, &path),
+        }?;
         let picture = FloorPicture {
-            file,
-            grid,
+            file: file.clone(),
+            grid: planned.grid,
             views: set.iter().map(|f| (f.placed.image.as_str(), &f.placed.view)).collect(),
             origin: set.first().and_then(|f| f.placed.origin.as_deref()),
             max_distance: self.layout.max_distance,
             camera_height_m: self.camera_height_m,
-            camera: camera.model(),
+            camera: self.calibration.camera.model(),
         };
-        let beside = |extension: &str| self.args.out.join(format!("{name}.{extension}"));
-        write_whole(&beside("json"), picture.json()?.as_bytes())?;
-        write_whole(&beside(format.world_extension()), picture.world_file().as_bytes())?;
-        write_whole(&path, &bytes)?;
+        results.write(&beside, picture.json()?.as_bytes())?;
+        results.write(&world, picture.world_file().as_bytes())?;
+        results.write(&file, &bytes)?;
         let size = picture.grid.size;
         let sides = [size.width, size.height].map(|n| n as f64 * picture.grid.unit_per_px);
         let of = if self.args.mosaic { format!(", {} views", set.len()) } else { String::new() };

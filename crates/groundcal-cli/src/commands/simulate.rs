@@ -5,8 +5,13 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use groundcal_lab::studies::{catalogue::Study, figure4};
 
-use crate::{args::ThreadsArg, error::CliError, output, progress::Bar};
-use groundcal_io::export::write_whole;
+use crate::{
+    args::{OverwriteArg, ThreadsArg},
+    error::CliError,
+    output::{self, Finished, Results, canvas_names},
+    progress::Bar,
+};
+use groundcal_io::outputs::Request;
 
 /// `groundcal simulate`.
 #[derive(Debug, Args)]
@@ -28,6 +33,9 @@ pub(crate) struct SimulateArgs {
     /// Seed of all random choices
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
+
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
 
     #[command(flatten)]
     pub(crate) threads: ThreadsArg,
@@ -76,23 +84,46 @@ impl StudyArg {
     }
 }
 
-/// Runs the studies asked for; every file appears whole or not at all, and those of a study that is done stay when a later one is
-/// interrupted.
+/// Runs the studies asked for. The files of a study appear together; those of one that is done stay when a later one is interrupted.
 pub(crate) fn run(args: &SimulateArgs) -> Result<(), CliError> {
-    output::refuse_file(&args.out)?;
-    let page = output::on_threads(args.threads, || simulate(args))?;
-    output::print(&page)
+    let studies = args.study.studies();
+    // All of them are asked for before the first.
+    for study in &studies {
+        begin(args, *study)?;
+    }
+    let (page, finished) = output::on_threads(args.threads, || simulate(args, &studies))?;
+    output::print(&page)?;
+    finished.iter().for_each(Finished::tell);
+    Ok(())
 }
 
-fn simulate(args: &SimulateArgs) -> Result<String, CliError> {
-    output::make_folder(&args.out)?;
+/// The files of a study, before the work.
+fn begin(args: &SimulateArgs, study: Study) -> Result<Results, CliError> {
+    let names: Vec<String> = [table(study)].into_iter().chain(canvas_names(study.name())).collect();
+    Results::begin(&Request {
+        folder: &args.out,
+        command: &format!("simulate {}", study.name()),
+        names: &names,
+        inputs: &[],
+        basis: None,
+        overwrite: args.overwrite.overwrite,
+    })
+}
+
+fn table(study: Study) -> String {
+    format!("{}.csv", study.name())
+}
+
+fn simulate(args: &SimulateArgs, studies: &[Study]) -> Result<(String, Vec<Finished>), CliError> {
     let bar = Bar::new("{msg:24} [{bar:40}] {pos}/{len} trials, {eta} left");
-    let mut page = String::new();
-    for study in args.study.studies() {
+    let (mut page, mut finished) = (String::new(), Vec::new());
+    for study in studies {
+        let results = begin(args, *study)?;
         let result = study.run(args.trials, args.seed, &bar)?;
-        write_whole(&args.out.join(format!("{}.csv", study.name())), &result.table)?;
-        output::write_canvas(&args.out, study.name(), &result.figure.layout())?;
+        results.write(&table(*study), &result.table)?;
+        results.write_canvas(study.name(), &result.figure.layout())?;
+        finished.push(results.finish()?);
         page.push_str(&result.page);
     }
-    Ok(page)
+    Ok((page, finished))
 }

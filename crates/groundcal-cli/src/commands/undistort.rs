@@ -1,25 +1,29 @@
 //! `groundcal undistort`: images as an ideal lens would have taken them, the camera that belongs to them, and the maps.
 
-use std::{fmt::Write, path::PathBuf};
+use std::{
+    fmt::Write,
+    path::{Path, PathBuf},
+};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::undistort::{Fit, Undistortion},
     result::Camera,
-    vision::resample::{Pyramid, resample},
+    vision::resample::{Pyramid, Raster, resample},
 };
 use groundcal_io::{
-    export::{undistorted, write_whole},
+    export::undistorted,
     import,
     inputs::find_images,
     names::stems,
-    pictures::{self, PictureFormat, PictureReader},
+    outputs::{Request, sha256},
+    pictures::{self, Encode, Picture, PictureFormat, PictureReader},
 };
 
 use crate::{
-    args::{PictureFormatArg, ThreadsArg, camera_of},
+    args::{OverwriteArg, PictureFormatArg, ThreadsArg, camera_of},
     error::CliError,
-    output,
+    output::{self, Finished, Results},
 };
 
 /// `groundcal undistort`.
@@ -58,9 +62,12 @@ pub(crate) struct UndistortArgs {
     #[arg(long)]
     pub(crate) maps: bool,
 
-    /// Kind of picture
-    #[arg(long, value_enum, default_value_t = PictureFormatArg::Png)]
-    pub(crate) format: PictureFormatArg,
+    /// Kind of picture [default: png; 16-bit TIFF and floating point stay TIFF]
+    #[arg(long, value_enum)]
+    pub(crate) format: Option<PictureFormatArg>,
+
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
 
     #[command(flatten)]
     pub(crate) threads: ThreadsArg,
@@ -93,18 +100,24 @@ fn parse_field_of_view(text: &str) -> Result<f64, String> {
     degrees.ok_or_else(|| "expected degrees from 1 to 175, for example 100".into())
 }
 
+/// The camera's file and the maps' names.
+const CAMERA: &str = "camera_undistorted.json";
+const MAPS: [&str; 2] = ["map_x", "map_y"];
+
 /// Runs the command; what was left out is told on standard error.
 pub(crate) fn run(args: &UndistortArgs) -> Result<(), CliError> {
-    output::refuse_file(&args.out)?;
-    let (text, notes) = output::on_threads(args.threads, || images_of(args))?;
+    output::check_folder(&args.out)?;
+    let (text, notes, finished) = output::on_threads(args.threads, || images_of(args))?;
     for note in notes {
         output::note(&note);
     }
-    output::print(&text)
+    output::print(&text)?;
+    finished.tell();
+    Ok(())
 }
 
-/// What is printed, with notes for standard error.
-fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
+/// What is printed, notes for standard error, and what was written.
+fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>, Finished), CliError> {
     let imported = import::read_camera(&args.calibration)?;
     let camera = camera_of(&args.calibration, &imported)?;
     let size = camera.size;
@@ -118,29 +131,33 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
         notes.push(format!("{}: the lens has no distortion there; the images stay as they are", args.calibration));
     }
     let files = if args.inputs.is_empty() { Vec::new() } else { find_images(&args.inputs)? };
-    let names = stems(&files);
-    let targets: Vec<PathBuf> =
-        names.iter().map(|n| args.out.join(format!("{n}.{}", PictureFormat::from(args.format).extension()))).collect();
-    // Images that cannot be used, and results that would overwrite them, are refused before anything is written.
-    let (reader, said) = PictureReader::new(&files, size)?;
+    // Images that cannot be used, and results that would overwrite something, are refused before anything is written.
+    let (reader, said) = PictureReader::new(&files, size, args.format.map(PictureFormat::from), false)?;
     notes.extend(said.iter().map(ToString::to_string));
-    for target in &targets {
-        let same = |f: &PathBuf| matches!((f.canonicalize(), target.canonicalize()), (Ok(a), Ok(b)) if a == b);
-        if let Some(file) = files.iter().find(|f| same(f)) {
-            return Err(CliError::Usage(format!(
-                "--out {}: {} would be overwritten. Name another folder",
-                args.out.display(),
-                file.display()
-            )));
-        }
-    }
-    output::make_folder(&args.out)?;
-
-    let mut text = String::new();
     let new = undistortion.intrinsics();
     let original = Camera::new(size, &camera.intrinsics, camera.lens, imported.lens_source);
     let json = undistorted::camera_json(new, fit, &original)?;
-    write_whole(&args.out.join("camera_undistorted.json"), json.as_bytes())?;
+    let maps: Vec<String> = MAPS.iter().filter(|_| args.maps).map(|m| format!("{m}.tiff")).collect();
+    let targets: Vec<String> = stems(&files, &MAPS)
+        .iter()
+        .enumerate()
+        .map(|(i, stem)| format!("{stem}.{}", reader.format(i).extension()))
+        .collect();
+    let names: Vec<String> = [CAMERA.to_string()].into_iter().chain(maps.clone()).chain(targets.clone()).collect();
+    let inputs: Vec<PathBuf> = files.iter().cloned().chain([import::camera_file(&args.calibration)]).collect();
+    let results = Results::begin(&Request {
+        folder: &args.out,
+        command: "undistort",
+        names: &names,
+        inputs: &inputs,
+        // Images of one camera may come one after the other.
+        basis: Some(&sha256(json.as_bytes())),
+        overwrite: args.overwrite.overwrite,
+    })?;
+
+    let mut text = String::new();
+    results.write(CAMERA, json.as_bytes())?;
+    // Writing to a string cannot fail.
     let _ = writeln!(
         text,
         "camera of the undistorted images: fx {:.3}, fy {:.3}, cx {:.3}, cy {:.3} px ({})",
@@ -148,21 +165,36 @@ fn images_of(args: &UndistortArgs) -> Result<(String, Vec<String>), CliError> {
         new.fy,
         new.cx,
         new.cy,
-        args.out.join("camera_undistorted.json").display()
+        args.out.join(CAMERA).display()
     );
-    if args.maps {
-        let [x, y] = undistortion.maps();
-        for (name, map) in [("map_x.tiff", x), ("map_y.tiff", y)] {
-            let path = args.out.join(name);
-            write_whole(&path, &undistorted::map_tiff(&map, size, &path)?)?;
-            let _ = writeln!(text, "{}", path.display());
-        }
+    for (name, map) in maps.iter().zip(undistortion.maps()) {
+        let path = args.out.join(name);
+        results.write(name, &undistorted::map_tiff(&map, size, &path)?)?;
+        let _ = writeln!(text, "{}", path.display());
     }
-    for (file, target) in files.iter().zip(&targets) {
-        let picture = Pyramid::new(reader.read(file)?);
-        let out = resample(&picture, size, |p| undistortion.source_pixel(p));
-        write_whole(target, &pictures::encode(&out, args.format.into(), target)?)?;
-        let _ = writeln!(text, "{}", target.display());
+    for (i, name) in targets.iter().enumerate() {
+        output::go_on()?;
+        let path = args.out.join(name);
+        let format = reader.format(i);
+        let bytes = match reader.read(i)? {
+            Picture::U8(picture) => straightened(picture, &undistortion, format, &path),
+            Picture::U16(picture) => straightened(picture, &undistortion, format, &path),
+            Picture::F32(picture) => straightened(picture, &undistortion, format, &path),
+        }?;
+        results.write(name, &bytes)?;
+        let _ = writeln!(text, "{}", path.display());
     }
-    Ok((text, notes))
+    Ok((text, notes, results.finish()?))
+}
+
+/// A picture's file without distortion.
+fn straightened<T: Encode>(
+    picture: Raster<T>,
+    undistortion: &Undistortion,
+    format: PictureFormat,
+    path: &Path,
+) -> Result<Vec<u8>, CliError> {
+    let size = picture.size();
+    let out = resample(&Pyramid::new(picture), size, |p| undistortion.source_pixel(p));
+    Ok(pictures::encode(&out, format, path)?)
 }

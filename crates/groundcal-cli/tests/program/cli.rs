@@ -389,7 +389,7 @@ fn tripod() -> &'static TripodRun {
             let content = std::fs::read_to_string(out.join(&name)).unwrap();
             (name, content)
         };
-        let files = files_in(&out).into_iter().map(read).collect();
+        let files = results_in(&out).into_iter().map(read).collect();
         TripodRun { stdout: outcome.stdout, json, files }
     })
 }
@@ -786,8 +786,9 @@ fn render_writes_pictures_and_truth() {
     let scene = write(folder.path(), "scene.toml", SCENE);
     let out = folder.path().join("rendered");
     let outcome = groundcal(&["render", &scene, "--out", &text(&out)]);
-    assert_eq!((outcome.code, outcome.stdout.as_str(), outcome.stderr.as_str()), (0, "", ""));
-    assert_eq!(files_in(&out), ["a.png", "b.jpg", "truth.json"].map(String::from).into());
+    let written = format!("written to {}: a.png, b.jpg, truth.json\n", text(&out));
+    assert_eq!((outcome.code, outcome.stdout.as_str(), outcome.stderr.as_str()), (0, "", written.as_str()));
+    assert_eq!(results_in(&out), ["a.png", "b.jpg", "truth.json"].map(String::from).into());
     assert_eq!(number(&read_json(&out.join("truth.json")), "/fx"), 50.0);
 }
 

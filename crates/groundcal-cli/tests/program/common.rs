@@ -98,6 +98,16 @@ pub(crate) fn files_in(folder: &Path) -> BTreeSet<String> {
     names
 }
 
+/// The list of files in every folder that runs wrote into.
+pub(crate) const MANIFEST: &str = ".groundcal-manifest.json";
+
+/// The results in a folder, which has a manifest of them.
+pub(crate) fn results_in(folder: &Path) -> BTreeSet<String> {
+    let mut names = files_in(folder);
+    assert!(names.remove(MANIFEST), "no manifest among {names:?}");
+    names
+}
+
 /// A number in the JSON, named by a pointer.
 pub(crate) fn number(json: &Value, pointer: &str) -> f64 {
     json.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer} is no number in {json:#}"))

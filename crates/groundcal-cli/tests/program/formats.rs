@@ -141,7 +141,7 @@ fn formats_are_chosen_by_name() {
     let out = tempdir().unwrap();
     let run = groundcal(&[&base[..], &["--out", &text(out.path()), "--format", "ros,colmap"]].concat());
     assert_eq!(run.code, 0, "{}", run.stderr);
-    let names: Vec<String> = files_in(out.path()).into_iter().collect();
+    let names: Vec<String> = results_in(out.path()).into_iter().collect();
     let expected = ["calibration.json", "camera_info.yaml", "cameras.txt", "images.txt", "points3D.txt", "report.html"];
     assert_eq!(names, expected);
     // The linear method has no positions: the model loads, without images.
@@ -188,13 +188,14 @@ fn the_tripod_differs_from_its_truth_within_its_errors() {
     for words in ["std. errors", "within their errors", "after the best rotation"] {
         assert!(run.stdout.contains(words), "{}", run.stdout);
     }
-    let names: Vec<String> = files_in(&out).into_iter().collect();
+    let names: Vec<String> = results_in(&out).into_iter().collect();
     assert_eq!(names, ["comparison.json", "difference_1.png", "difference_1.svg"]);
     let json = read_json(&out.join("comparison.json"));
     let c = &json["comparisons"][0];
     // A few hundredths of a pixel of f and of the principal point: so much, and no more, is left of them in the corner.
     assert!(number(c, "/reprojection/max_px") < 0.1 && number(c, "/reprojection/rms_px") > 1e-4, "{c:#}");
-    assert_eq!(number(c, "/joint/degrees_of_freedom"), 6.0);
+    // fx, fy, cx, cy, k1, k2, p1, p2.
+    assert_eq!(number(c, "/joint/degrees_of_freedom"), 8.0);
     assert!(number(c, "/joint/p_value") > 0.001, "{c:#}");
     for p in c["parameters"].as_array().unwrap().iter().filter(|p| p["standard_deviation"].is_f64()) {
         assert!(number(p, "/difference_in_standard_deviations").abs() < 4.0, "{p}");

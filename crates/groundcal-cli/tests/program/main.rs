@@ -8,6 +8,8 @@ mod common;
 mod experiments;
 mod fisheye;
 mod formats;
+mod kills;
+mod outputs;
 mod plan;
 mod readers;
 mod rectify;

@@ -100,7 +100,7 @@ fn the_figure_and_the_json_are_written_whole() {
     let out = folder.path().join("plan");
     let outcome = plan(&["--constraint", "zero-skew", "--out", &text(&out)]);
     assert_eq!(outcome.code, 0, "{}", outcome.stderr);
-    let names: Vec<String> = files_in(&out).into_iter().collect();
+    let names: Vec<String> = results_in(&out).into_iter().collect();
     assert_eq!(names, ["plan.json", "plan.png", "plan.svg"]);
     assert!(outcome.stdout.contains("not determined yet"), "{}", outcome.stdout);
     assert!(read_json(&out.join("plan.json"))["motions"][0]["after"].is_null());

@@ -29,7 +29,7 @@ fn every_study_gives_a_table_and_two_figures() {
     let outcome = simulate("all", folder.path(), &["--trials", "20", "--seed", "1"]);
     let all = STUDIES.iter().map(|s| s.0).chain(FURTHER);
     let names: Vec<String> = all.flat_map(|s| ["csv", "png", "svg"].map(|e| format!("{s}.{e}"))).collect();
-    assert_eq!(files_in(folder.path()), names.into_iter().collect());
+    assert_eq!(results_in(folder.path()), names.into_iter().collect());
     for (study, conditions) in STUDIES {
         assert!(outcome.stdout.contains(&format!("{study}: median |error| of fx in % over 20 trials")));
         let lines = table(&folder.path().join(format!("{study}.csv")));

@@ -9,8 +9,9 @@ use groundcal::{
 
 use crate::{
     error::IoError,
-    export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, source::Source, write::write_whole},
-    text::{quoted, shown},
+    export::{colmap, file::File, kalibr, matlab, nerfstudio, opencv, ros, source::Source},
+    outputs::{Outputs, Request},
+    text::quoted,
 };
 
 /// A format of another program.
@@ -36,12 +37,27 @@ impl Format {
         [Format::Opencv, Format::Ros, Format::Kalibr, Format::Colmap, Format::Nerfstudio, Format::Matlab];
 
     fn writer(self) -> Writer {
-        let whole = Writer { file: "", files: opencv::files, poses: false, skew: true, k3: true, fisheye: true };
+        let whole = Writer {
+            file: "",
+            more_files: &[],
+            files: opencv::files,
+            poses: false,
+            skew: true,
+            k3: true,
+            fisheye: true,
+        };
         match self {
             Format::Opencv => Writer { file: "camera_opencv.yaml", ..whole },
             Format::Ros => Writer { file: "camera_info.yaml", files: ros::files, ..whole },
             Format::Kalibr => Writer { file: "camchain.yaml", files: kalibr::files, skew: false, k3: false, ..whole },
-            Format::Colmap => Writer { file: "cameras.txt", files: colmap::files, poses: true, skew: false, ..whole },
+            Format::Colmap => Writer {
+                file: "cameras.txt",
+                more_files: &["images.txt", "points3D.txt"],
+                files: colmap::files,
+                poses: true,
+                skew: false,
+                ..whole
+            },
             Format::Nerfstudio => {
                 Writer { file: "transforms.json", files: nerfstudio::files, poses: true, skew: false, ..whole }
             }
@@ -54,6 +70,8 @@ impl Format {
 struct Writer {
     /// The file of the camera.
     file: &'static str,
+    /// Those beside it.
+    more_files: &'static [&'static str],
     /// Makes the files.
     files: fn(&Source) -> Result<Vec<File>, IoError>,
     /// Whether poses are written.
@@ -75,6 +93,12 @@ impl Writer {
             _ => lens.is_none(),
         }
     }
+}
+
+/// Names of the files that [`render`] makes at most.
+pub fn file_names(formats: &[Format]) -> Vec<&'static str> {
+    let wanted = Format::ALL.into_iter().filter(|f| formats.is_empty() || formats.contains(f)).map(Format::writer);
+    wanted.flat_map(|w| [w.file].into_iter().chain(w.more_files.iter().copied())).collect()
 }
 
 /// Files of the formats asked for, and what they cannot say.
@@ -151,11 +175,11 @@ fn notes(source: &Source, chosen: &[Format]) -> Vec<String> {
     notes
 }
 
-/// Writes the files of the formats into a folder, which is made if need be. Returns their paths, and sentences about what the
-/// formats cannot say.
+/// Writes the files of the formats into a folder, which is made if need be; earlier ones of its own are replaced. Returns their paths, and
+/// sentences about what the formats cannot say.
 ///
 /// # Errors
-/// [`IoError::Other`] where the folder does not take them.
+/// As [`Outputs::begin`]: files that no run wrote are not replaced.
 ///
 /// ```
 /// use groundcal_io::export::{Format, write_formats};
@@ -175,15 +199,15 @@ pub fn write_formats(
     folder: &Path,
 ) -> Result<(Vec<PathBuf>, Vec<String>), IoError> {
     let rendered = render(calibration, formats)?;
-    std::fs::create_dir_all(folder)
-        .map_err(|e| IoError::Other(format!("cannot make the folder {}: {e}", shown(folder))))?;
-    let mut paths = Vec::with_capacity(rendered.files.len());
+    let names: Vec<String> = rendered.files.iter().map(|f| f.name.to_string()).collect();
+    let request =
+        Request { folder, command: "write_formats", names: &names, inputs: &[], basis: None, overwrite: false };
+    let outputs = Outputs::begin(&request)?;
     for file in &rendered.files {
-        let path = folder.join(file.name);
-        write_whole(&path, file.content.as_bytes())?;
-        paths.push(path);
+        outputs.write(file.name, file.content.as_bytes())?;
     }
-    Ok((paths, rendered.notes))
+    let written = outputs.commit()?;
+    Ok((names.iter().map(|n| folder.join(n)).collect(), [rendered.notes, written.notes].concat()))
 }
 
 #[cfg(test)]

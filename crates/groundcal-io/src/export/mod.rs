@@ -17,9 +17,7 @@ mod ros;
 mod source;
 pub mod undistorted;
 mod world;
-mod write;
 
 pub use calibration_json::json;
 pub use file::File;
-pub use formats::{Files, Format, render, render_camera, write_formats};
-pub use write::write_whole;
+pub use formats::{Files, Format, file_names, render, render_camera, write_formats};

@@ -146,6 +146,7 @@ impl ImageFiles {
         }
         let image = self.plain(path, &bytes, format)?;
         let mut image = StoredImage::from_dynamic(image, notes);
+        image.is_tiff = format == ImageFormat::Tiff;
         if format == ImageFormat::Jpeg && !sequential {
             image.notes.extend(flat_end(path, &image));
         }

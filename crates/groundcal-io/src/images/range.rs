@@ -206,7 +206,14 @@ mod tests {
             Kind::Integer => Samples::U16(data.iter().map(|v| *v as u16).collect()),
             Kind::Float => Samples::F32(data),
         };
-        let image = StoredImage { size: ImageSize::new(100, 100), channels: 1, samples, notes: Vec::new() };
+        let image = StoredImage {
+            size: ImageSize::new(100, 100),
+            channels: 1,
+            samples,
+            is_tiff: false,
+            is_exact: true,
+            notes: Vec::new(),
+        };
         Values::default().join(Values::of(&image)).range(kind)
     }
 

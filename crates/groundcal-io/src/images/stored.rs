@@ -25,6 +25,10 @@ pub struct StoredImage {
     pub channels: usize,
     /// The samples.
     pub samples: Samples,
+    /// Whether the file is a TIFF, which holds any kind of number.
+    pub is_tiff: bool,
+    /// Whether the samples are the file's numbers; else it has wider ones.
+    pub is_exact: bool,
     /// What there is to say about the file.
     pub notes: Vec<Note>,
 }
@@ -46,10 +50,11 @@ impl StoredImage {
             DynamicImage::ImageRgb32F(i) => Samples::F32(i.into_raw()),
             DynamicImage::ImageRgba32F(i) => Samples::F32(i.into_raw()),
             other => {
-                return Self { size, channels: 4, samples: Samples::F32(other.into_rgba32f().into_raw()), notes };
+                let samples = Samples::F32(other.into_rgba32f().into_raw());
+                return Self { size, channels: 4, samples, is_tiff: false, is_exact: false, notes };
             }
         };
-        Self { size, channels, samples, notes }
+        Self { size, channels, samples, is_tiff: false, is_exact: true, notes }
     }
 
     /// Turned and mirrored as a tag asks.

@@ -10,7 +10,7 @@ use tiff::encoder::{TiffEncoder, TiffKindBig, colortype};
 use crate::{
     images::{Samples, decode::ImageFiles, read::read_with, read_images, read_stored},
     note::Note,
-    pictures::PictureReader,
+    pictures::{Picture, PictureFormat, PictureReader},
 };
 
 const W: u32 = 96;
@@ -94,15 +94,30 @@ fn one_channel_of_any_number() {
 }
 
 #[test]
-fn float_colour_is_written_as_it_is() {
+fn float_colour_keeps_its_depth_where_the_format_has_it() {
     let folder = Folder::new();
     let rgb: Vec<f32> = texture().iter().flat_map(|v| [f32::from(*v), 0.0, 255.0]).collect();
     let path = folder.file("a.tif", &tiff_of::<colortype::RGB32Float>(&rgb, false));
-    let (reader, notes) =
-        PictureReader::new(std::slice::from_ref(&path), ImageSize::new(W as usize, H as usize)).unwrap();
-    assert!(notes[0].to_string().contains("255"), "{notes:?}");
-    let raster = reader.read(&path).unwrap();
+    let read = |asked| {
+        let size = ImageSize::new(W as usize, H as usize);
+        let (reader, notes) = PictureReader::new(std::slice::from_ref(&path), size, asked, false).unwrap();
+        let notes: Vec<String> = notes.iter().map(ToString::to_string).collect();
+        (reader.read(0).unwrap(), reader.format(0), notes.join("\n"))
+    };
+    let (picture, format, notes) = read(None);
+    let Picture::F32(raster) = picture else { panic!("{picture:?}") };
+    assert_eq!((raster.data(), format, notes.as_str()), (rgb.as_slice(), PictureFormat::Tiff, ""));
+    let (picture, _, notes) = read(Some(PictureFormat::Jpeg));
+    let Picture::U8(raster) = picture else { panic!("{picture:?}") };
     assert_eq!(raster.data()[..3], [texture()[0], 0, 255]);
+    assert!(
+        notes.contains("a.tif: has floating point numbers, which JPEG does not hold") && notes.contains("255"),
+        "{notes}"
+    );
+    let (picture, _, notes) = read(Some(PictureFormat::Png));
+    let Picture::U16(raster) = picture else { panic!("{picture:?}") };
+    assert_eq!(raster.data()[..3], [u16::from(texture()[0]) * 257, 0, 65535]);
+    assert!(notes.contains("written with 16 bits"), "{notes}");
 }
 
 /// Thermal counts differ by little, and not from picture to picture: one range serves both.

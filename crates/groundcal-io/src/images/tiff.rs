@@ -127,7 +127,16 @@ pub(crate) fn read(bytes: &[u8]) -> Result<StoredImage, String> {
         );
     }
     let size = ImageSize::new(width as usize, height as usize);
-    let samples = samples(decoder.read_image().map_err(|e| e.to_string())?);
+    let decoded = decoder.read_image().map_err(|e| e.to_string())?;
+    let is_exact = !matches!(
+        decoded,
+        DecodingResult::U32(_)
+            | DecodingResult::U64(_)
+            | DecodingResult::I32(_)
+            | DecodingResult::I64(_)
+            | DecodingResult::F64(_)
+    );
+    let samples = samples(decoded);
     let count = match &samples {
         Samples::U8(v) => v.len(),
         Samples::U16(v) => v.len(),
@@ -143,7 +152,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<StoredImage, String> {
         (ColorType::Palette(_), Samples::U8(data)) => (3, Samples::U16(looked_up(&data, &palette)?)),
         (_, samples) => (channels, samples),
     };
-    let image = StoredImage { size, channels, samples, notes: Vec::new() };
+    let image = StoredImage { size, channels, samples, is_tiff: true, is_exact, notes: Vec::new() };
     Ok(image.oriented(orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms)))
 }
 

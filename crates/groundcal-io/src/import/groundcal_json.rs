@@ -25,12 +25,17 @@ const HINT: &str = "Name the calibration.json that `groundcal calibrate --out` w
 /// How far an eigenvalue of a matrix of correlations may lie below zero: the rounding of numbers that are nearly tied.
 const ROUNDING: f64 = 1e-6;
 
+/// The file that [`read`] reads.
+pub fn file_of(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join("calibration.json") } else { path.to_path_buf() }
+}
+
 /// Reads and checks a file, or the `calibration.json` in a folder.
 ///
 /// # Errors
 /// [`IoError::File`] that names the file and what is wrong with it.
 pub fn read(path: &Path) -> Result<Calibration, IoError> {
-    let path: PathBuf = if path.is_dir() { path.join("calibration.json") } else { path.to_path_buf() };
+    let path = file_of(path);
     let text = file::text(&path, MAX_CAMERA_BYTES, &format!("Not a calibration. {HINT}"))?;
     parse(&text).map_err(|what| IoError::file(&path, what))
 }

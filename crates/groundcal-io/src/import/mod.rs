@@ -20,7 +20,7 @@ mod spelling;
 mod truth_json;
 
 pub use imported::ImportedCamera;
-pub use read::read_camera;
+pub use read::{camera_file, read_camera};
 
 #[cfg(test)]
 pub(crate) use formats::parse;

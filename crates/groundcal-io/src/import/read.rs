@@ -28,6 +28,13 @@ fn parts(argument: &Path) -> (PathBuf, Option<String>) {
     }
 }
 
+/// The file that [`read_camera`] reads; the folder itself where it has none.
+pub fn camera_file(argument: impl AsRef<OsStr>) -> PathBuf {
+    let (path, _) = parts(Path::new(argument.as_ref()));
+    let inside = ["calibration.json", "truth.json"].map(|n| path.join(n)).into_iter().find(|p| p.is_file());
+    inside.filter(|_| path.is_dir()).unwrap_or(path)
+}
+
 /// The camera of a file; `FILE#NAME` where the file has several. A folder stands for its calibration.json (or truth.json).
 ///
 /// # Errors
@@ -42,18 +49,14 @@ fn parts(argument: &Path) -> (PathBuf, Option<String>) {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn read_camera(argument: impl AsRef<OsStr>) -> Result<ImportedCamera, IoError> {
-    let (path, wanted) = parts(Path::new(argument.as_ref()));
-    let inside = ["calibration.json", "truth.json"].map(|n| path.join(n)).into_iter().find(|p| p.is_file());
-    let path = match inside {
-        Some(inside) if path.is_dir() => inside,
-        _ if path.is_dir() => {
-            return Err(IoError::file(
-                &path,
-                "a folder without calibration.json and truth.json. Name the file of the camera",
-            ));
-        }
-        _ => path,
-    };
+    let (_, wanted) = parts(Path::new(argument.as_ref()));
+    let path = camera_file(argument);
+    if path.is_dir() {
+        return Err(IoError::file(
+            &path,
+            "a folder without calibration.json and truth.json. Name the file of the camera",
+        ));
+    }
     let fail = |what: String| IoError::file(&path, what);
     let text = file::text(&path, MAX_CAMERA_BYTES, &format!("No calibration: expected text. {READ}"))?;
     let mut cameras = parse(&text).map_err(fail)?;

@@ -5,9 +5,9 @@ use crate::{
     experiments::{
         film, mobile, pan_head,
         setup::{Description, ExperimentOptions, ExperimentOutput, Setup},
-        tripod,
+        subsets, tripod,
     },
-    progress::Progress,
+    progress::{Progress, Silent},
 };
 
 /// One of the paper's experiments on a scene of ours.
@@ -40,6 +40,19 @@ impl Experiment {
     /// Its name in tables, messages and file names.
     pub fn name(self) -> &'static str {
         self.description().name
+    }
+
+    /// Names of the files that [`Experiment::run`] gives at most.
+    ///
+    /// # Errors
+    /// [`LabError::Other`] where the scene is none.
+    pub fn file_names(self, options: &ExperimentOptions) -> Result<Vec<String>, LabError> {
+        let endings = match self {
+            Experiment::Tripod | Experiment::PanHead => subsets::ENDINGS.as_slice(),
+            Experiment::MobileHead => mobile::ENDINGS.as_slice(),
+            Experiment::Film => film::ENDINGS.as_slice(),
+        };
+        Ok(Setup::new(&self.description(), options, &Silent)?.file_names(endings))
     }
 
     /// Renders the scene, calibrates from the pictures, and sums up.

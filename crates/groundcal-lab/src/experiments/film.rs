@@ -31,6 +31,8 @@ use crate::{
 pub(crate) const DESCRIPTION: Description =
     Description { name: "film", scene: include_str!("../../scenes/film.toml"), paper: "focal length 4.5 % off" };
 const PAIRS: [(usize, usize); 1] = [(0, 1)];
+/// Ending of the picture of the floor.
+pub(crate) const ENDINGS: [&str; 1] = ["_floor.png"];
 /// How far the floor is rectified, in heights of the camera, and the side of its pixels at full size.
 const FARTHEST: f64 = 4.5;
 const UNIT_PER_PX: f64 = 0.006;
@@ -115,7 +117,7 @@ fn floor_of(
         flat.grid.size.height,
         1000.0 * flat.grid.unit_per_px * first.centre_m[2],
     );
-    Ok((setup.file("_floor.png", png), page))
+    Ok((setup.file(ENDINGS[0], png), page))
 }
 
 /// A picture of the floor from above, its upper side the view's heading.

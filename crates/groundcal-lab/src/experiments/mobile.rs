@@ -40,6 +40,9 @@ const HAND_MATCHES: [usize; 2] = [6, 8];
 const DRAWS: u64 = 200;
 const QUICK_DRAWS: u64 = 40;
 
+/// Ending of the file of draws.
+pub(crate) const ENDINGS: [&str; 1] = ["_draws.csv"];
+
 type Outcome = Result<Scores, Error>;
 
 /// Method, and whether it is told the true principal point.
@@ -54,7 +57,7 @@ pub(crate) fn run(setup: &Setup) -> Result<ExperimentOutput, LabError> {
         .into_par_iter()
         .map(|number| draw(setup, number))
         .collect::<Result<_, LabError>>()?;
-    let of_draws = setup.file("_draws.csv", draws_table(&draws)?);
+    let of_draws = setup.file(ENDINGS[0], draws_table(&draws)?);
 
     let pictures = setup.pictures(&PAIRS, 3)?;
     let measured = methods::measure(&pictures.matched, setup.frame(false), &setup.options(Constraint::Focal, false))?;

@@ -1,9 +1,6 @@
 //! One experiment about to be run: its scene, its pictures, and what the methods make of them.
 
-use std::{
-    fmt::Write,
-    path::{Path, PathBuf},
-};
+use std::{fmt::Write, path::Path};
 
 use groundcal::{
     calibrate::{MotionModel, Options},
@@ -24,9 +21,14 @@ use crate::{
         table::{self, Line},
     },
     progress::Progress,
-    render_scene::{Rendered, render_pictures, truth_json},
+    render_scene::{self, Rendered, TRUTH, render_pictures, truth_json},
     renderer::scene::Scene,
 };
+
+/// Endings of the files that every experiment has: the sheet of its pictures, the table, the page.
+const VIEWS: &str = "_views.jpg";
+const CSV: &str = ".csv";
+const TXT: &str = ".txt";
 
 /// A scene of ours and what the paper reports of its own.
 #[derive(Debug, Clone, Copy)]
@@ -51,8 +53,8 @@ pub struct ExperimentOptions {
 /// A file that an experiment gives.
 #[derive(Debug, Clone)]
 pub struct OutputFile {
-    /// Where it belongs under the folder of all experiments.
-    pub path: PathBuf,
+    /// Where it belongs under the folder of all experiments, with `/` between folder and file.
+    pub name: String,
     /// Its content.
     pub bytes: Vec<u8>,
 }
@@ -127,7 +129,19 @@ impl<'a> Setup<'a> {
 
     /// A file of this experiment, named after it.
     pub(crate) fn file(&self, ending: &str, bytes: Vec<u8>) -> OutputFile {
-        OutputFile { path: PathBuf::from(format!("{}{ending}", self.name)), bytes }
+        OutputFile { name: format!("{}{ending}", self.name), bytes }
+    }
+
+    /// A file in the folder of this experiment's pictures.
+    fn picture_file(&self, file: &str, bytes: Vec<u8>) -> OutputFile {
+        OutputFile { name: format!("{}/{file}", self.name), bytes }
+    }
+
+    /// Names of all files: those of the scene, and those that end so.
+    pub(crate) fn file_names(&self, endings: &[&str]) -> Vec<String> {
+        let pictures = render_scene::file_names(&self.scene).into_iter().map(|f| format!("{}/{f}", self.name));
+        let all = [VIEWS, CSV, TXT].iter().chain(endings);
+        pictures.chain(all.map(|ending| format!("{}{ending}", self.name))).collect()
     }
 
     /// What is looked at, the truth, and the paper's result.
@@ -152,11 +166,11 @@ impl<'a> Setup<'a> {
         let read = |r: &Rendered| read_image_bytes(&folder.join(&r.file), &r.bytes);
         let images = rendered.iter().map(read).collect::<Result<Vec<_>, _>>()?;
         let matched = methods::match_pairs(&images, pairs, &Options::default());
-        let inside = |r: &Rendered| OutputFile { path: folder.join(&r.file), bytes: r.bytes.clone() };
+        let inside = |r: &Rendered| self.picture_file(&r.file, r.bytes.clone());
         let mut files: Vec<OutputFile> = rendered.iter().map(inside).collect();
-        files.push(OutputFile { path: folder.join("truth.json"), bytes: truth_json(&self.scene)?.into_bytes() });
+        files.push(self.picture_file(TRUTH, truth_json(&self.scene)?.into_bytes()));
         let pictures: Vec<_> = rendered.iter().map(|r| &r.picture).collect();
-        files.push(self.file("_views.jpg", contact_sheet::jpeg(&pictures, columns)?));
+        files.push(self.file(VIEWS, contact_sheet::jpeg(&pictures, columns)?));
         Ok(Pictures { names: rendered.iter().map(|r| r.file.clone()).collect(), rendered, images, matched, files })
     }
 
@@ -194,13 +208,13 @@ impl<'a> Setup<'a> {
 
     /// The table as a file and as text.
     pub(crate) fn table(&self, lines: &[Line]) -> Result<(OutputFile, String), LabError> {
-        Ok((self.file(".csv", table::csv(self.name, lines)?), table::text(lines)))
+        Ok((self.file(CSV, table::csv(self.name, lines)?), table::text(lines)))
     }
 
     /// The experiment's output: the head and the page of its results, and the files with that page at the end.
     pub(crate) fn output(&self, results: &str, mut files: Vec<OutputFile>) -> ExperimentOutput {
         let page = format!("{}{results}", self.head());
-        files.push(self.file(".txt", page.clone().into_bytes()));
+        files.push(self.file(TXT, page.clone().into_bytes()));
         self.progress.finish();
         ExperimentOutput { page, files }
     }

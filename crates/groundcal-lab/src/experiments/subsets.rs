@@ -24,6 +24,8 @@ use crate::{
     tables::{self, six_digits},
 };
 
+/// Endings of its table and its figure.
+pub(crate) const ENDINGS: [&str; 3] = ["_subsets.csv", "_subsets.svg", "_subsets.png"];
 /// Pixels of the PNG for one of the SVG: sharp on dense screens.
 const PNG_SCALE: f64 = 2.0;
 
@@ -73,9 +75,9 @@ pub(crate) fn report(
     let rankings: Vec<Ranking> = minimal.iter().map(|&m| rank(measured, &setup.truth, m)).collect::<Result<_, _>>()?;
     let canvas = figure(setup.name, &rankings).layout();
     let files = vec![
-        setup.file("_subsets.csv", csv(setup.name, &rankings)?),
-        setup.file("_subsets.svg", svg::document(&canvas).into_bytes()),
-        setup.file("_subsets.png", png::encode(&canvas, PNG_SCALE)?),
+        setup.file(ENDINGS[0], csv(setup.name, &rankings)?),
+        setup.file(ENDINGS[1], svg::document(&canvas).into_bytes()),
+        setup.file(ENDINGS[2], png::encode(&canvas, PNG_SCALE)?),
     ];
     let mut page = String::new();
     // Writing to a string cannot fail.

@@ -14,7 +14,7 @@ use nalgebra::Vector2;
 use crate::{
     floor::view::{FloorGrid, FloorView},
     geometry::size::ImageSize,
-    vision::resample::{Pyramid, Raster, Resampled, Sample, resample_into, rounded},
+    vision::resample::{Depth, MAX_CHANNELS, Pyramid, Resampled, Sample, resample_into, rounded},
 };
 
 /// Width of the border over which a view fades in a mosaic, as a fraction of the image's shorter side, and what is left of its weight
@@ -61,19 +61,19 @@ fn within(view: &FloorView, grid: &FloorGrid, max_distance: f64, x: usize, y: us
 }
 
 /// The floor as one view shows it on a grid, as far as `max_distance` (floor units) from the point below its optical centre.
-pub fn rectify(picture: &Pyramid, view: &FloorView, grid: &FloorGrid, max_distance: f64) -> Resampled {
+pub fn rectify<T: Depth>(picture: &Pyramid<T>, view: &FloorView, grid: &FloorGrid, max_distance: f64) -> Resampled<T> {
     let channels = picture.picture().channels();
     let stride = channels + 1;
-    let mut target = vec![0u8; grid.size.width * grid.size.height * stride];
+    let mut target = vec![T::default(); grid.size.width * grid.size.height * stride];
     let map = |p: &Vector2<f64>| view.pixel_from_floor(&grid.floor_from_pixel(p));
     resample_into(picture, grid.size, &mut target, stride, map, |x, y, sample, out| {
         let coverage = sample.coverage * within(view, grid, max_distance, x, y);
         let coverage = rounded(255.0 * coverage);
         if coverage > 0 {
             for (o, v) in out.iter_mut().zip(&sample.value[..channels]) {
-                *o = rounded(*v);
+                *o = T::nearest(*v);
             }
-            out[channels] = coverage;
+            out[channels] = T::nearest(f32::from(coverage));
         }
     });
     Resampled::from_interleaved(grid.size, channels, &target)
@@ -92,13 +92,13 @@ pub struct Mosaic {
 impl Mosaic {
     /// An empty one of pictures with so many channels.
     pub fn new(grid: FloorGrid, channels: usize, max_distance: f64) -> Self {
-        let channels = channels.clamp(1, Raster::MAX_CHANNELS);
+        let channels = channels.clamp(1, MAX_CHANNELS);
         let sums = vec![0.0; grid.size.width * grid.size.height * (channels + 2)];
         Self { grid, channels, max_distance, sums }
     }
 
     /// Adds what a view sees. Pictures with other numbers of channels than the mosaic, and views that see nothing of it, add nothing.
-    pub fn add(&mut self, picture: &Pyramid, view: &FloorView) {
+    pub fn add<T: Depth>(&mut self, picture: &Pyramid<T>, view: &FloorView) {
         let (channels, stride) = (self.channels, self.channels + 2);
         let size = picture.picture().size();
         if picture.picture().channels() != channels {
@@ -142,17 +142,17 @@ impl Mosaic {
         }
     }
 
-    /// The picture.
-    pub fn finish(self) -> Resampled {
+    /// The picture, in the depth of those that were added.
+    pub fn finish<T: Depth>(self) -> Resampled<T> {
         let stride = self.channels + 2;
-        let mut target = vec![0u8; self.grid.size.width * self.grid.size.height * (self.channels + 1)];
+        let mut target = vec![T::default(); self.grid.size.width * self.grid.size.height * (self.channels + 1)];
         for (out, sums) in target.chunks_exact_mut(self.channels + 1).zip(self.sums.chunks_exact(stride)) {
             let (weight, coverage) = (sums[self.channels], rounded(255.0 * sums[self.channels + 1].min(1.0)));
             if weight > 0.0 && coverage > 0 {
                 for (o, s) in out.iter_mut().zip(&sums[..self.channels]) {
-                    *o = rounded(s / weight);
+                    *o = T::nearest(s / weight);
                 }
-                out[self.channels] = coverage;
+                out[self.channels] = T::nearest(f32::from(coverage));
             }
         }
         Resampled::from_interleaved(self.grid.size, self.channels, &target)
@@ -175,6 +175,7 @@ fn weight_of(sample: &Sample, size: ImageSize) -> f32 {
 mod tests {
     use super::*;
     use crate::geometry::{intrinsics::Intrinsics, lens::Lens, plane_view::View};
+    use crate::vision::resample::{Raster, rounded};
     use nalgebra::Vector3;
 
     /// Brightness of a pattern on the floor.
@@ -230,7 +231,7 @@ mod tests {
             mosaic.add(picture, view);
             single += rectify(picture, view, &grid, far).coverage.iter().filter(|c| **c == 255).count();
         }
-        let out = mosaic.finish();
+        let out = mosaic.finish::<u8>();
         let mut covered = 0;
         for (i, coverage) in out.coverage.iter().enumerate() {
             let (x, y) = (i % grid.size.width, i / grid.size.width);

@@ -1,4 +1,4 @@
-//! Resampling of 8-bit pictures through a map from target to source pixels.
+//! Resampling of pictures through a map from target to source pixels, in their own depth ([`Depth`]).
 //!
 //! A target pixel is the mean of bilinear samples over the parallelogram that it covers in the source, spanned by the columns of
 //! the map's derivative J. Samples lie one source pixel apart; where the parallelogram's narrow side is wider than two, they
@@ -15,21 +15,57 @@ const MAX_SAMPLES: usize = 32;
 /// Length of a side up to which one sample does: undistorting stays plain bilinear interpolation.
 const ONE_SAMPLE: f64 = 1.25;
 
-/// An 8-bit picture, row by row, the channels of a pixel side by side.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Raster {
-    size: ImageSize,
-    channels: usize,
-    data: Vec<u8>,
+/// Most channels of a picture.
+pub const MAX_CHANNELS: usize = 4;
+
+/// A kind of number that samples are.
+pub trait Depth: Copy + Default + Send + Sync + PartialEq + std::fmt::Debug {
+    /// As single precision, which holds 16 bits exactly.
+    fn to_f32(self) -> f32;
+    /// The nearest that there is; what is not a number is 0 in integers.
+    fn nearest(value: f32) -> Self;
 }
 
-impl Raster {
-    /// Most channels of a picture.
-    pub const MAX_CHANNELS: usize = 4;
+impl Depth for u8 {
+    fn to_f32(self) -> f32 {
+        f32::from(self)
+    }
+    fn nearest(value: f32) -> Self {
+        rounded(value)
+    }
+}
 
+impl Depth for u16 {
+    fn to_f32(self) -> f32 {
+        f32::from(self)
+    }
+    fn nearest(value: f32) -> Self {
+        // A cast saturates, and what is not a number becomes 0.
+        (value + 0.5) as u16
+    }
+}
+
+impl Depth for f32 {
+    fn to_f32(self) -> f32 {
+        self
+    }
+    fn nearest(value: f32) -> Self {
+        value
+    }
+}
+
+/// A picture, row by row, the channels of a pixel side by side.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Raster<T = u8> {
+    size: ImageSize,
+    channels: usize,
+    data: Vec<T>,
+}
+
+impl<T: Depth> Raster<T> {
     /// A picture from its rows; `None` when the data do not have width times height times channels (1 to 4) values.
-    pub fn from_rows(size: ImageSize, channels: usize, data: Vec<u8>) -> Option<Self> {
-        let right = (1..=Self::MAX_CHANNELS).contains(&channels) && data.len() == size.width * size.height * channels;
+    pub fn from_rows(size: ImageSize, channels: usize, data: Vec<T>) -> Option<Self> {
+        let right = (1..=MAX_CHANNELS).contains(&channels) && data.len() == size.width * size.height * channels;
         (right && !data.is_empty()).then_some(Self { size, channels, data })
     }
 
@@ -44,17 +80,17 @@ impl Raster {
     }
 
     /// All values.
-    pub fn data(&self) -> &[u8] {
+    pub fn data(&self) -> &[T] {
         &self.data
     }
 
     /// All values, without a copy.
-    pub fn into_data(self) -> Vec<u8> {
+    pub fn into_data(self) -> Vec<T> {
         self.data
     }
 
     /// The values of a pixel.
-    pub fn pixel(&self, x: usize, y: usize) -> &[u8] {
+    pub fn pixel(&self, x: usize, y: usize) -> &[T] {
         let at = (y * self.size.width + x) * self.channels;
         &self.data[at..at + self.channels]
     }
@@ -63,17 +99,17 @@ impl Raster {
     fn halved(&self) -> Self {
         let (w, h, c) = (self.size.width, self.size.height, self.channels);
         let size = ImageSize::new(w.div_ceil(2), h.div_ceil(2));
-        let mut data = vec![0u8; size.width * size.height * c];
+        let mut data = vec![T::default(); size.width * size.height * c];
         data.par_chunks_exact_mut(size.width * c).enumerate().for_each(|(y, row)| {
             let (top, bottom) = (2 * y, (2 * y + 1).min(h - 1));
             for x in 0..size.width {
                 let (left, right) = (2 * x, (2 * x + 1).min(w - 1));
                 for k in 0..c {
-                    let sum: u32 = [(left, top), (right, top), (left, bottom), (right, bottom)]
+                    let sum: f32 = [(left, top), (right, top), (left, bottom), (right, bottom)]
                         .iter()
-                        .map(|(x, y)| u32::from(self.data[(y * w + x) * c + k]))
+                        .map(|(x, y)| self.data[(y * w + x) * c + k].to_f32())
                         .sum();
-                    row[x * c + k] = ((sum + 2) / 4) as u8;
+                    row[x * c + k] = T::nearest(0.25 * sum);
                 }
             }
         });
@@ -81,7 +117,7 @@ impl Raster {
     }
 
     /// Adds `weight` times the bilinear sample at a pixel; beyond the border the border's pixels go on.
-    fn add_bilinear(&self, at: &Vector2<f64>, weight: f32, sum: &mut [f32; Self::MAX_CHANNELS]) {
+    fn add_bilinear(&self, at: &Vector2<f64>, weight: f32, sum: &mut [f32; MAX_CHANNELS]) {
         let (w, h, c) = (self.size.width, self.size.height, self.channels);
         let x = at.x.clamp(0.0, (w - 1) as f64);
         let y = at.y.clamp(0.0, (h - 1) as f64);
@@ -94,10 +130,11 @@ impl Raster {
             (left, bottom, (1.0 - u) * v),
             (right, bottom, u * v),
         ];
-        for (x, y, part) in corners {
+        // A pixel that is not a number spoils its neighbours only where it takes part.
+        for (x, y, part) in corners.into_iter().filter(|c| c.2 > 0.0) {
             let from = (y * w + x) * c;
             for (s, value) in sum.iter_mut().zip(&self.data[from..from + c]) {
-                *s += weight * part * f32::from(*value);
+                *s += weight * part * value.to_f32();
             }
         }
     }
@@ -105,15 +142,15 @@ impl Raster {
 
 /// A picture with copies halved again and again.
 #[derive(Debug, Clone)]
-pub struct Pyramid {
-    levels: Vec<Raster>,
+pub struct Pyramid<T = u8> {
+    levels: Vec<Raster<T>>,
 }
 
 /// What a target pixel is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sample {
     /// Mean of the source over the pixel; as many values as the source has channels count.
-    pub value: [f32; Raster::MAX_CHANNELS],
+    pub value: [f32; MAX_CHANNELS],
     /// How much of the pixel lies inside the source, 0 to 1: the border's edge without steps.
     pub coverage: f32,
     /// Where its centre lies in the source, pixels.
@@ -122,9 +159,9 @@ pub struct Sample {
     pub area: f64,
 }
 
-impl Pyramid {
+impl<T: Depth> Pyramid<T> {
     /// Of a picture.
-    pub fn new(picture: Raster) -> Self {
+    pub fn new(picture: Raster<T>) -> Self {
         let mut levels = vec![picture];
         while let Some(last) = levels.last()
             && last.size.width.min(last.size.height) > 2
@@ -136,7 +173,7 @@ impl Pyramid {
     }
 
     /// The picture.
-    pub fn picture(&self) -> &Raster {
+    pub fn picture(&self) -> &Raster<T> {
         &self.levels[0]
     }
 
@@ -166,7 +203,7 @@ impl Pyramid {
             if length <= ONE_SAMPLE { 1 } else { (length.ceil() as usize).min(MAX_SAMPLES) }
         });
         let weight = 1.0 / (counts[0] * counts[1]) as f32;
-        let mut value = [0.0; Raster::MAX_CHANNELS];
+        let mut value = [0.0; MAX_CHANNELS];
         for j in 0..counts[1] {
             for i in 0..counts[0] {
                 let at = |k: usize, n: usize| (k as f64 + 0.5) / n as f64 - 0.5;
@@ -183,8 +220,8 @@ impl Pyramid {
 /// Calls `put(x, sample, values)` for each target pixel that the source covers; `target` has `stride` values a pixel.
 ///
 /// `map` gives the source pixel of a target pixel, `None` where there is none.
-pub fn resample_into<T: Send>(
-    source: &Pyramid,
+pub fn resample_into<T: Send, S: Depth>(
+    source: &Pyramid<S>,
     size: ImageSize,
     target: &mut [T],
     stride: usize,
@@ -216,35 +253,36 @@ pub fn resample_into<T: Send>(
 
 /// A resampled picture.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Resampled {
+pub struct Resampled<T = u8> {
     /// The picture; zero where the source does not reach.
-    pub picture: Raster,
+    pub picture: Raster<T>,
     /// How much of each pixel the source covers, 0 to 255: an alpha channel.
     pub coverage: Vec<u8>,
 }
 
-impl Resampled {
-    /// From values and coverage side by side; `size` times `channels + 1` values.
-    pub(crate) fn from_interleaved(size: ImageSize, channels: usize, both: &[u8]) -> Self {
-        let coverage = both.iter().skip(channels).step_by(channels + 1).copied().collect();
+impl<T: Depth> Resampled<T> {
+    /// From values and coverage (0 to 255) side by side; `size` times `channels + 1` values.
+    pub(crate) fn from_interleaved(size: ImageSize, channels: usize, both: &[T]) -> Self {
+        let coverage = both.iter().skip(channels).step_by(channels + 1).map(|c| rounded(c.to_f32())).collect();
         let data = both.chunks_exact(channels + 1).flat_map(|p| p[..channels].iter().copied()).collect();
         Self { picture: Raster { size, channels, data }, coverage }
     }
 }
 
 /// The source as seen through a map from target to source pixels; see [`resample_into`]. `size` must not be empty.
-pub fn resample(
-    source: &Pyramid,
+pub fn resample<T: Depth>(
+    source: &Pyramid<T>,
     size: ImageSize,
     map: impl Fn(&Vector2<f64>) -> Option<Vector2<f64>> + Sync,
-) -> Resampled {
+) -> Resampled<T> {
     let channels = source.picture().channels;
-    let mut both = vec![0u8; size.width * size.height * (channels + 1)];
+    let mut both = vec![T::default(); size.width * size.height * (channels + 1)];
     resample_into(source, size, &mut both, channels + 1, map, |_, _, sample, out| {
         for (o, v) in out.iter_mut().zip(&sample.value[..channels]) {
-            *o = rounded(*v);
+            *o = T::nearest(*v);
         }
-        out[channels] = rounded(255.0 * sample.coverage);
+        // Of the values that every depth has.
+        out[channels] = T::nearest(f32::from(rounded(255.0 * sample.coverage)));
     });
     Resampled::from_interleaved(size, channels, &both)
 }
@@ -321,6 +359,44 @@ mod tests {
         let edge = out.coverage[15 * 30 + 5];
         assert!(edge > 180 && edge < 200, "three quarters: {edge}");
         assert_eq!(resample(&source, ImageSize::new(3, 3), |_| None).coverage, vec![0; 9]);
+    }
+
+    #[test]
+    fn samples_keep_their_depth() {
+        let size = ImageSize::new(120, 80);
+        let exact = |p: &Vector2<f64>| 1000.0 + 301.3 * p.x + 97.7 * p.y;
+        let at = |i: usize| exact(&Vector2::new((i % 120) as f64, (i / 120) as f64));
+        let map = |p: &Vector2<f64>| Some(p * 0.6 + Vector2::new(7.3, 5.8));
+        let target = ImageSize::new(60, 50);
+        let sixteen = Raster::from_rows(size, 1, (0..9600).map(|i| at(i).round() as u16).collect()).unwrap();
+        let float = Raster::from_rows(size, 1, (0..9600).map(|i| (at(i) / 65536.0 - 0.5) as f32).collect()).unwrap();
+        let (a, b) = (resample(&Pyramid::new(sixteen), target, map), resample(&Pyramid::new(float), target, map));
+        assert!(a.coverage.iter().chain(&b.coverage).all(|c| *c == 255));
+        let mut levels = std::collections::BTreeSet::new();
+        for y in 0..50 {
+            for x in 0..60 {
+                let expected = exact(&map(&Vector2::new(x as f64, y as f64)).unwrap());
+                let (found, float) = (a.picture.pixel(x, y)[0], b.picture.pixel(x, y)[0]);
+                // Rounding of the source and of the result; single precision.
+                assert!((f64::from(found) - expected).abs() <= 1.0, "{found} {expected}");
+                assert!((f64::from(float) - (expected / 65536.0 - 0.5)).abs() < 1e-6, "{float} {expected}");
+                levels.insert(found);
+            }
+        }
+        assert!(levels.len() > 2000, "{}", levels.len());
+    }
+
+    #[test]
+    fn what_is_no_number_spoils_its_neighbours_alone() {
+        let size = ImageSize::new(9, 9);
+        let mut data = vec![0.5f32; 81];
+        data[4 * 9 + 4] = f32::NAN;
+        let source = Pyramid::new(Raster::from_rows(size, 1, data).unwrap());
+        let spoilt = |shift: f64| {
+            let out = resample(&source, size, |p| Some(p + Vector2::repeat(shift)));
+            out.picture.data().iter().filter(|v| v.is_nan()).count()
+        };
+        assert_eq!((spoilt(0.0), spoilt(0.25)), (1, 4));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use groundcal::{geometry::size::ImageSize, plan::carriers::Carrier, start::linear_camera::GivenPrior};
 
-use crate::args::{ConstraintArg, DistortionArg, parse_point, parse_prior, parse_size};
+use crate::args::{ConstraintArg, DistortionArg, OverwriteArg, parse_point, parse_prior, parse_size};
 
 /// Standard deviation of each coordinate of a match where nothing is said, pixels.
 pub(crate) const DEFAULT_NOISE_PX: f64 = 0.3;
@@ -109,6 +109,9 @@ pub(crate) struct PlanArgs {
     /// Write plan.json and a figure of the error of f against the number of motions, plan.svg and plan.png, into this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub(crate) overwrite: OverwriteArg,
 
     /// Print the plan as JSON on standard output and nothing else there
     #[arg(long)]

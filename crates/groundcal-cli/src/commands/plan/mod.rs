@@ -15,10 +15,15 @@ use groundcal::{
         report::{ATTITUDE_SIGMA_DEG, PlanReport},
     },
 };
-use groundcal_io::export::write_whole;
+use groundcal_io::{import::groundcal_json, outputs::Request};
 use groundcal_report::{number::short, plan, terminal};
 
-use crate::{args::DistortionArg, error::CliError, output, remedies::Flags};
+use crate::{
+    args::DistortionArg,
+    error::CliError,
+    output::{self, Results, canvas_names},
+    remedies::Flags,
+};
 use args::{DEFAULT_NOISE_PX, DEFAULT_POINTS};
 
 pub(crate) use args::PlanArgs;
@@ -27,19 +32,40 @@ const DEFAULT_SIZE: ImageSize = ImageSize { width: 1280, height: 960 };
 
 /// Makes the plan, writes the files of `--out` and prints it.
 pub(crate) fn run(args: &PlanArgs) -> Result<(), CliError> {
+    let results = begin(args)?;
     let report = report(args)?;
     let json = || {
         serde_json::to_string_pretty(&report)
             .map(|text| text + "\n")
             .map_err(|e| CliError::Other(format!("cannot write the plan as JSON: {e}")))
     };
-    if let Some(out) = &args.out {
-        output::refuse_file(out)?;
-        output::make_folder(out)?;
-        output::write_canvas(out, "plan", &plan::figure(&report).layout())?;
-        write_whole(&out.join("plan.json"), json()?.as_bytes())?;
+    let mut finished = None;
+    if let Some(results) = results {
+        results.write_canvas("plan", &plan::figure(&report).layout())?;
+        results.write("plan.json", json()?.as_bytes())?;
+        finished = Some(results.finish()?);
     }
-    output::print(&if args.json { json()? } else { plan::text(&report, &command(&report, args), terminal::WIDTH) })
+    output::print(&if args.json { json()? } else { plan::text(&report, &command(&report, args), terminal::WIDTH) })?;
+    if let Some(finished) = finished {
+        finished.tell();
+    }
+    Ok(())
+}
+
+/// The files of `--out`, if it is given, before the work.
+fn begin(args: &PlanArgs) -> Result<Option<Results>, CliError> {
+    let Some(out) = &args.out else { return Ok(None) };
+    let names: Vec<String> = ["plan.json".to_string()].into_iter().chain(canvas_names("plan")).collect();
+    let inputs: Vec<_> = args.after.as_deref().map(groundcal_json::file_of).into_iter().collect();
+    let request = Request {
+        folder: out,
+        command: "plan",
+        names: &names,
+        inputs: &inputs,
+        basis: None,
+        overwrite: args.overwrite.overwrite,
+    };
+    Results::begin(&request).map(Some)
 }
 
 fn positive(name: &str, value: f64, limit: f64) -> Result<f64, CliError> {
