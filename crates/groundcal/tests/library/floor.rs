@@ -138,12 +138,13 @@ fn derivatives_of_floor_points_agree_with_a_step_along_all_numbers() {
     let pixel = Vector2::new(300.0, 700.0);
     let by = view.floor_point_jacobian(&pixel).expect("below the horizon");
     // Scaling the world scales its points: x, y and height together.
-    let scaled = by.fixed_columns::<3>(10) * view.centre();
+    let place = |p: ViewParameter| ViewParameter::ALL.iter().position(|q| *q == p).expect("one of them");
+    let scaled = by.fixed_columns::<3>(place(ViewParameter::X)) * view.centre();
     assert!((scaled - view.floor_from_pixel(&pixel).expect("below")).norm() < 1e-7);
     // Turning the world about the optical centre's foot by the yaw.
     let arm = view.floor_from_pixel(&pixel).expect("below") - view.foot();
     let turned = Matrix2::new(0.0, -1.0, 1.0, 0.0) * arm;
-    assert!((by.column(9) - turned).norm() < 1e-7);
-    let moved: SVector<f64, 2> = by.column(10).into_owned();
+    assert!((by.column(place(ViewParameter::YawRad)) - turned).norm() < 1e-7);
+    let moved: SVector<f64, 2> = by.column(place(ViewParameter::X)).into_owned();
     assert!((moved - Vector2::x()).norm() < 1e-7);
 }

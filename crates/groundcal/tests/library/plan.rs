@@ -2,12 +2,12 @@
 //! and heights stray as the plan assumed.
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
+    calibrate::{LensModel, Options, Silent, calibrate_matches},
     error::Error,
     geometry::{
         attitude::{angles_from_rotation, attitude_rotation, yaw_rotation},
         intrinsics::Intrinsics,
-        lens::Lens,
+        lens::{Lens, Radtan},
         plane_view::View,
         size::ImageSize,
     },
@@ -72,6 +72,7 @@ struct World {
     rng: Pcg64Mcg,
     seed: u64,
     camera: Intrinsics,
+    lens: Lens,
     attitude_sigma_rad: f64,
     height_sigma: f64,
 }
@@ -83,6 +84,7 @@ impl World {
             rng: Pcg64Mcg::seed_from_u64(seed),
             seed,
             camera: options.intrinsics,
+            lens: Lens::None,
             attitude_sigma_rad: options.calibration.attitude_sigma_deg.unwrap_or(0.1).to_radians(),
             height_sigma: options.calibration.height_sigma.unwrap_or(HEIGHT_SIGMA),
         };
@@ -96,6 +98,10 @@ impl World {
             cy: k.cy + principal_point * world.normal(),
             skew: 0.0,
         };
+        if options.calibration.lens != LensModel::None {
+            let [p1, p2] = [0, 1].map(|_| 0.001 * world.normal());
+            world.lens = Lens::Radtan(Radtan::new([0.0, 0.0, p1, p2, 0.0]));
+        }
         world
     }
 
@@ -152,7 +158,7 @@ impl World {
         };
         let scene = PointScene {
             intrinsics: self.camera,
-            lens: Lens::None,
+            lens: self.lens,
             size: SIZE,
             motions: vec![motion],
             matches: count,
