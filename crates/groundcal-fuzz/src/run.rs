@@ -56,7 +56,7 @@ const NEVER: [&str; 10] = [
     "InvalidInput",
     "InvalidOption",
     "Some(",
-    "invalid type",
+    "invalid type: ",
     "expected struct",
     "expected f64",
     "expected usize",

@@ -123,7 +123,8 @@ fn general_motion_is_refused_or_answered_within_its_error_bars() {
     let Some(folder) = set("real_rct_eye_in_hand") else { return };
     let outcome = calibrate(&[text(&folder.join("images"))]);
     if outcome.code == 3 {
-        assert!(outcome.stdout.is_empty() && outcome.stderr.contains("--pairs"), "{}", outcome.stderr);
+        let error: serde_json::Value = serde_json::from_str(&outcome.stdout).expect("JSON");
+        assert!(error["error"]["code"].is_string() && outcome.stderr.contains("--pairs"), "{}", outcome.stderr);
         return;
     }
     let json = outcome.json();

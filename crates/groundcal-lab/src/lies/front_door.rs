@@ -4,7 +4,6 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images, calibrate_matches},
-    error::Error,
     geometry::size::ImageSize,
     result::{Calibration, ResidualReport},
 };
@@ -60,7 +59,7 @@ pub(crate) fn ask(scene: &Scene, medium: Medium) -> Outcome {
     };
     match result {
         Ok(Ok(calibration)) => Outcome::Answered(Box::new(answer(&calibration))),
-        Ok(Err(error)) => Outcome::Refused(short_name(&error), error.to_string()),
+        Ok(Err(error)) => Outcome::Refused(error.code(), error.to_string()),
         Err(payload) => {
             let text = payload.downcast_ref::<String>().cloned();
             Outcome::Crashed(text.or(payload.downcast_ref::<&str>().map(ToString::to_string)).unwrap_or_default())
@@ -90,23 +89,5 @@ fn answer(c: &Calibration) -> Answer {
         design_effect: largest(&|r| r.design_effect),
         variance_factor: largest(&|r| r.variance_factor),
         priors: c.priors.iter().map(|p| (p.parameter.name(), p.posterior_over_prior)).collect(),
-    }
-}
-
-fn short_name(error: &Error) -> &'static str {
-    match error {
-        Error::InvalidInput(_) => "invalid_input",
-        Error::InvalidOption(_) => "invalid_option",
-        Error::TooFewImages { .. } => "too_few_images",
-        Error::TooFewMatches { .. } => "too_few_matches",
-        Error::DegeneratePoints { .. } => "degenerate_points",
-        Error::NoCommonPlane { .. } => "no_common_plane",
-        Error::NoUsableMotion { .. } => "no_usable_motion",
-        Error::TooFewAttitudes { .. } => "too_few_attitudes",
-        Error::Undetermined { .. } => "undetermined",
-        Error::Unsound { .. } => "unsound",
-        Error::NotPositiveDefinite { .. } => "not_positive_definite",
-        Error::Numerical { .. } => "numerical",
-        _ => "other",
     }
 }

@@ -139,12 +139,8 @@ fn select_motions(
     if stages.options.method == Method::Rotating {
         return select_rotations(pairs, &stages.rotations);
     }
-    match stages.options.motion {
-        MotionModel::Auto | MotionModel::PlaneNormal => {}
-        MotionModel::Turning => return select_turning(pairs, lens, stages, observer),
-        MotionModel::General => {
-            return Err(Error::InvalidOption("general motion before a plane is not estimated yet".into()));
-        }
+    if stages.options.motion == MotionModel::Turning {
+        return select_turning(pairs, lens, stages, observer);
     }
     let plane_normal = select_plane_normal(pairs, &stages.plane_normal, observer);
     observer.go_on()?;

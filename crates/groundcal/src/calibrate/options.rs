@@ -44,7 +44,7 @@ pub enum MotionModel {
     PlaneNormal,
     /// A camera turning on the spot, about any axes.
     Turning,
-    /// Anything before one plane.
+    /// Anything before one plane; refused by [`Options::validate`] until it is estimated.
     General,
 }
 
@@ -148,6 +148,9 @@ impl Options {
     /// [`Error::InvalidOption`] naming the option and its value.
     pub fn validate(&self, size: ImageSize) -> Result<(), Error> {
         let fail = |text: String| Err(Error::InvalidOption(text));
+        if self.motion == MotionModel::General {
+            return fail("general motion before a plane is not estimated yet".into());
+        }
         if let Some([x, y]) = self.principal_point_px {
             let (w, h) = (size.width as f64, size.height as f64);
             if !(x.is_finite() && y.is_finite() && (-w..2.0 * w).contains(&x) && (-h..2.0 * h).contains(&y)) {
@@ -341,6 +344,21 @@ impl Options {
             attitude_scale_rad: camera.attitude_sigma_rad,
             height_sigma: self.height_sigma,
             ..BundleOptions::new(vec![unknowns])
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_estimated_is_refused_before_any_work() {
+        let size = ImageSize::new(640, 480);
+        let validated = |motion| Options { motion, ..Options::default() }.validate(size);
+        assert!(matches!(validated(MotionModel::General), Err(Error::InvalidOption(_))));
+        for motion in [MotionModel::Auto, MotionModel::PlaneNormal, MotionModel::Turning] {
+            assert_eq!(validated(motion), Ok(()));
         }
     }
 }

@@ -288,7 +288,8 @@ mod tests {
     fn very_many_data_take_no_more_trials_on_all_of_them() {
         let asked = |count: usize, good: bool| {
             let scattered = |i: usize| (i as f64, 1e6 * (i as f64 * 1.7).sin());
-            let point = |i: usize| if good && i % 2 == 0 { (i as f64, 2.0 * i as f64 + 1.0) } else { scattered(i) };
+            let point =
+                |i: usize| if good && i.is_multiple_of(2) { (i as f64, 2.0 * i as f64 + 1.0) } else { scattered(i) };
             let line = Line((0..count).map(point).collect(), Default::default());
             let found = search(&line, &RansacOptions::default()).expect("a line");
             if good {

@@ -73,7 +73,7 @@ pub(crate) fn select_plane_normal(
     if let [only] = motions.as_slice()
         && !options.vouched
     {
-        check_single(only)?;
+        check_single(only, pairs[candidates[0]].background())?;
     }
     let verdicts = if options.named || motions.len() == 1 {
         vec![Verdict::Accepted; motions.len()]
@@ -101,16 +101,23 @@ pub(crate) fn select_plane_normal(
 
 /// A single motion has nothing to be checked by but its height ratio: two views that tilted differ in it (see
 /// [`height_log_odds`]).
-fn check_single(motion: &Motion) -> Result<(), Error> {
+///
+/// # Errors
+/// [`Error::NoUsableMotion`], with the matches of a background that stands still named.
+fn check_single(motion: &Motion, background: usize) -> Result<(), Error> {
     let (rho, sigma) = (motion.geometry.rho, motion.geometry.rho_sigma);
     if height_log_odds(rho, sigma) >= MARGIN_LOG_ODDS {
         return Ok(());
     }
+    let still = match background {
+        0 => String::new(),
+        matches => format!(" ({matches} matches stand still, a background that was set aside)"),
+    };
     Err(Error::NoUsableMotion {
         pairs: 1,
         reason: format!(
             "nothing shows that the camera turned without tilting: the ratio of its heights over the plane is {rho:.4} +- {sigma:.4}, \
-             where a camera that keeps its height has 1, and one that tilted has any. Such a focal length may be wrong by half"
+             where a camera that keeps its height has 1, and one that tilted has any. Such a focal length may be wrong by half{still}"
         ),
         remedies: vec![Remedy::MoreMotions, Remedy::VouchPlaneNormal],
     })
