@@ -45,10 +45,9 @@ pub(super) fn with_departure(
         Err(Error::Stopped) => return Err(Error::Stopped),
         Err(_) => return Ok(None),
     };
-    let (Some(before), Some(after)) = (bundle.evidence, with.joint.bundle.evidence) else { return Ok(None) };
-    let gain = after.gain_over(&before);
+    let Some((gain, true)) = with.gain_over(refined, needed) else { return Ok(None) };
     with.departures.push((kind, gain));
-    Ok((gain > needed).then_some((gain, with)))
+    Ok(Some((gain, with)))
 }
 
 /// What is said of the departures found.

@@ -57,6 +57,16 @@ pub(super) struct Refined {
     pub(super) departures: Vec<(DepartureKind, f64)>,
 }
 
+impl Refined {
+    /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, and whether that is
+    /// more than `needed`. `None` where this one is no minimum; one that is needs no odds against one that is not.
+    pub(super) fn gain_over(&self, other: &Self, needed: f64) -> Option<(f64, bool)> {
+        let (mine, others) = (self.joint.bundle.evidence?, other.joint.bundle.evidence?);
+        let gain = mine.gain_over(&others);
+        self.joint.has_converged().then_some((gain, gain > needed || !other.joint.has_converged()))
+    }
+}
+
 /// What is refined: the matches of the motions selected.
 pub(super) struct Matter<'a> {
     pub(super) pairs: &'a [PairObservation],

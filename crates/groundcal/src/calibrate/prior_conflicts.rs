@@ -107,13 +107,8 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
         Err(Error::Stopped) => return Err(Error::Stopped),
         Err(_) => return Ok(None),
     };
-    let [before, after] = [refined, &without].map(|r| r.joint.bundle.evidence);
-    let (Some(before), Some(after)) = (before, after) else { return Ok(None) };
-    let gain = after.gain_over(&before);
     let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
-    if gain < needed {
-        return Ok(None);
-    }
+    let Some((gain, true)) = without.gain_over(refined, needed) else { return Ok(None) };
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
     if found.iter().all(|c| c.deviations() < CONTRADICTED) {
         return same_prior_from(matter, refined, &without);
@@ -131,10 +126,8 @@ fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) ->
         Err(Error::Stopped) => return Err(Error::Stopped),
         Err(_) => return Ok(None),
     };
-    let [before, after] = [refined, &again].map(|r| r.joint.bundle.evidence);
-    let (Some(before), Some(after)) = (before, after) else { return Ok(None) };
-    let gain = after.gain_over(&before);
-    Ok((gain > BETTER_MINIMUM).then_some((gain, again)))
+    let gained = again.gain_over(refined, BETTER_MINIMUM);
+    Ok(gained.and_then(|(gain, better)| better.then_some((gain, again))))
 }
 
 /// The options with the priors of some numbers wide; `None`: there is nothing to release.
