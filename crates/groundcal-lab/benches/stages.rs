@@ -1,4 +1,4 @@
-//! Time of each stage on one thread: `cargo bench -p groundcal-lab --bench stages`. Prints the median and the fastest of repeated runs.
+//! Time of each stage on one thread: `cargo bench -p groundcal-lab --bench stages [-- refinement]`. Prints the median and the fastest of repeated runs.
 
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
@@ -51,9 +51,11 @@ fn time<T>(name: &str, runs: usize, mut work: impl FnMut() -> T) -> f64 {
 }
 
 fn main() {
-    // `cargo bench` and `cargo test --benches` pass flags of their own; there is nothing to choose.
+    // `cargo bench` and `cargo test --benches` pass flags of their own; `refinement` chooses that alone.
     let single = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
-    single.install(run);
+    if !std::env::args().any(|argument| argument == "refinement") {
+        single.install(run);
+    }
     single.install(refinement);
 }
 

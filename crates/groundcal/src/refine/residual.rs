@@ -203,20 +203,31 @@ pub struct Projection {
 }
 
 /// Projects a point, seen in a row (see [`Pose::at_row`]), with all derivatives; `None` where the lens shows none.
+#[inline]
 pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Projection> {
-    let (projector, pose) = (projector.departing(&pose.departure), pose.at_row(row));
+    // Most pictures do not depart: what is looked at in every iteration is copied for those alone that do.
+    if pose.departure == Departure::default() {
+        return derivatives(projector, pose, q, row);
+    }
+    derivatives(&projector.departing(&pose.departure), &pose.at_row(row), q, row)
+}
+
+// Called for every observation of every iteration: what it returns is large, and is not copied where it is inlined.
+#[inline(always)]
+fn derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Projection> {
+    let scale = if pose.departure.ln_focal == 0.0 { 1.0 } else { pose.departure.ln_focal.exp() };
     let x = pose.camera_point(q);
     let seen = projector.lens.project_with_jacobian(&x)?;
     let g = projector.linear * seen.by_ray;
     let weight = if pose.scene == SceneModel::Floor { q.z } else { 0.0 };
-    let (by_group, mut by_frame, by_rig) = by_poses(&pose, &g, &x, weight);
+    let (by_group, mut by_frame, by_rig) = by_poses(pose, &g, &x, weight);
     by_frame.set_column(FRAME_POSE, &(projector.linear * seen.point));
     let by_yaw = by_frame.column(FRAME_YAW) * row;
     by_frame.set_column(FRAME_POSE + 1, &by_yaw);
     by_frame.fixed_columns_mut::<2>(FRAME_POSE + 2).fill_with_identity();
     Some(Projection {
         pixel: projector.pixel(&seen.point),
-        by_camera: by_camera(&projector.linear, pose.departure.ln_focal.exp(), &seen),
+        by_camera: by_camera(&projector.linear, scale, &seen),
         by_rig,
         by_group,
         by_frame,
@@ -224,6 +235,7 @@ pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<
     })
 }
 
+#[inline(always)]
 fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
     let mut j = SMatrix::<f64, 2, MOST_CAMERA_NUMBERS>::zeros();
     let d = &seen.point;
@@ -238,6 +250,7 @@ fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatri
 }
 
 /// By group, frame and rig pose, given the derivative by camera coordinates and the weight of the translations.
+#[inline(always)]
 fn by_poses(
     pose: &Pose,
     g: &Matrix2x3<f64>,

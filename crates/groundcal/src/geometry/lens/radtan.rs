@@ -150,6 +150,7 @@ impl Radtan {
     }
 
     /// [`Self::project`] with derivatives.
+    #[inline]
     pub fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
         let p = ideal_point(ray)?;
         let j = self.jacobian(&p);
