@@ -13,7 +13,7 @@ Everything counts pixels as OpenCV does: (0, 0) is the centre of the top-left pi
 from __future__ import annotations
 
 from ._calibrate import calibrate
-from ._calibration import Calibration, Covariance, Motion, OpenCV, View, Warning, load
+from ._calibration import Calibration, CalibrationWarning, Covariance, Motion, OpenCV, View, load
 from ._errors import DegenerateError, GroundcalWarning, InputError
 from ._floor import FloorPicture, Undistorted, rectify, undistort, undistort_maps
 from ._groundcal import VERSION as __version__
@@ -21,6 +21,7 @@ from ._tools import Comparison, Difference, Plan, PlannedMotion, Study, compare,
 
 __all__ = [
     "Calibration",
+    "CalibrationWarning",
     "Comparison",
     "Covariance",
     "DegenerateError",
@@ -35,7 +36,6 @@ __all__ = [
     "Study",
     "Undistorted",
     "View",
-    "Warning",
     "__version__",
     "calibrate",
     "compare",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Union
+from typing import Any, Literal, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from . import _arrays, _groundcal
 from ._calibration import Calibration
 from ._errors import InputError
-from ._keywords import named, say
+from ._keywords import Constraint, Lens, named, say
 from ._progress import Progress, listener
 
 Path = Union[str, "os.PathLike[str]"]
@@ -55,12 +55,13 @@ def _order(keys: list[tuple[str, str]]) -> dict[str, int]:
     return order
 
 
-def _is_homography(value: object) -> bool:
+def _is_homography(value: Any) -> bool:
     if isinstance(value, Mapping):
         return "H" in value
     if isinstance(value, (tuple, list)) and len(value) == 2:
-        return np.shape(value[0]) == (3, 3) and np.shape(value[1]) == (9, 9)
-    return np.shape(value) == (3, 3)
+        first, second = value
+        return all(isinstance(v, np.ndarray) for v in value) and first.shape == (3, 3) and second.shape == (9, 9)
+    return isinstance(value, np.ndarray) and value.shape == (3, 3)
 
 
 def _from_matches(source: Mapping[Any, Any], options: dict[str, Any], progress: Any) -> Any:
@@ -143,10 +144,10 @@ def calibrate(
     image_size: tuple[int, int] | None = None,
     names: Sequence[str] | None = None,
     bgr: bool = False,
-    motion: str = "auto",
-    constraint: str = "auto",
-    method: str = "joint",
-    lens: str = "k1k2",
+    motion: Literal["auto", "plane-normal", "turning", "general"] = "auto",
+    constraint: Constraint = "auto",
+    method: Literal["joint", "linear", "rotating"] = "joint",
+    lens: Lens = "k1k2",
     distortion: Mapping[str, Any] | Path | Calibration | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
     principal_point_px: tuple[float, float] | None = None,

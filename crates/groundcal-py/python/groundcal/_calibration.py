@@ -22,7 +22,7 @@ _Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Warning:
+class CalibrationWarning:
     """Doubt about a result.
 
     Attributes:
@@ -385,7 +385,7 @@ class Calibration:
         return float(np.sqrt(squares / count)) if count and squares > 0 else None
 
     @cached_property
-    def warnings(self) -> list[Warning]:
+    def warnings(self) -> list[CalibrationWarning]:
         """What to beware of, worded in Python's keywords. Empty: nothing.
 
         Example:
@@ -393,7 +393,7 @@ class Calibration:
             []
         """
         return [
-            Warning(w["code"], w["message"], tuple(w.get("remedies", ())), w.get("numbers") or {})
+            CalibrationWarning(w["code"], w["message"], tuple(w.get("remedies", ())), w.get("numbers") or {})
             for w in self._data["warnings"]
         ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Union
+from typing import Any, Literal, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -58,7 +58,7 @@ def undistort(
     calibration: Calibration,
     image: npt.NDArray[Any] | Path,
     *,
-    fit: str = "same",
+    fit: Literal["same", "all", "crop"] = "same",
     fov_deg: float | None = None,
 ) -> Undistorted:
     """A picture without its lens distortion, whatever the lens's model, resampled without aliasing.
@@ -86,7 +86,7 @@ def undistort(
 
 @named
 def undistort_maps(
-    calibration: Calibration, *, fit: str = "same", fov_deg: float | None = None
+    calibration: Calibration, *, fit: Literal["same", "all", "crop"] = "same", fov_deg: float | None = None
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float64]]:
     """The maps of :func:`undistort` for ``cv2.remap``: for many pictures of one camera.
 
@@ -139,7 +139,7 @@ def rectify(
     resolution: float | None = None,
     extent: float | None = None,
     camera_height_m: float | None = None,
-    up: str | None = None,
+    up: Literal["heading", "y"] | None = None,
     threads: int | None = None,
     progress: Progress = False,
 ) -> list[FloorPicture]:

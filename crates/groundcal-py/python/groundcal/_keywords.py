@@ -6,10 +6,13 @@ import functools
 import inspect
 import warnings
 from collections.abc import Callable, Iterable
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from . import _groundcal
 from ._errors import GroundcalWarning
+
+Constraint = Literal["auto", "full", "zero-skew", "square", "fixed-pp", "focal"]
+Lens = Literal["none", "k1", "k1k2"]
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 

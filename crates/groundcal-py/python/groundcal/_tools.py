@@ -8,7 +8,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Union
+from typing import Any, Literal, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from . import _groundcal
 from ._calibration import Calibration
 from ._errors import InputError
-from ._keywords import named, say
+from ._keywords import Constraint, Lens, named, say
 from ._progress import Progress, listener
 
 Path = Union[str, "os.PathLike[str]"]
@@ -179,7 +179,7 @@ _OF_CAMERA = ("image_size", "f", "hfov_deg", "principal_point_px", "priors")
 def plan(
     after: Calibration | None = None,
     *,
-    rig: str = "tripod",
+    rig: Literal["tripod", "pan-head", "robot", "drone"] = "tripod",
     image_size: tuple[int, int] | None = None,
     f: float | None = None,
     hfov_deg: float | None = None,
@@ -193,9 +193,9 @@ def plan(
     noise_px: float | None = None,
     points: float | None = None,
     motions: int | None = None,
-    constraint: str = "auto",
+    constraint: Constraint = "auto",
     priors: Mapping[str, tuple[float, float]] | None = None,
-    lens: str = "k1k2",
+    lens: Lens = "k1k2",
     attitude_sigma_deg: float | None = None,
     height_sigma: float | None = None,
 ) -> Plan:
