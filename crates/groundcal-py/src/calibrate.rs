@@ -209,9 +209,9 @@ pub(crate) fn calibrate_arrays<'py>(
         arrays::with_pixels(image, name, bgr, |pixels| all.add(&pixels).map_err(|e| Failure::from(e).raise(py)))?;
         py.check_signals()?;
     }
-    let all = all.finish();
-    let mut notes: Vec<String> = all.notes.iter().map(ToString::to_string).collect();
     work::run(py, asked.threads, progress, move |watch| {
+        let all = all.finish();
+        let mut notes: Vec<String> = all.notes.iter().map(ToString::to_string).collect();
         if let Some(image) = all.images.first() {
             notes.extend(asked.take_lens(image.size())?);
         }

@@ -341,7 +341,8 @@ fn found(
                     names.join(", ")
                 )));
             }
-            if !missing.is_empty() {
+            // Who names files wants those.
+            if !missing.is_empty() && paths.iter().all(|p| p.is_dir()) {
                 notes.push(format!("of the calibration's images not found: {}", missing.join(", ")));
             }
             if !matched.others.is_empty() {

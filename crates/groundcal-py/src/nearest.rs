@@ -18,7 +18,9 @@ fn distance(a: &str, b: &str) -> usize {
 
 /// "there is no NAME; did you mean ...? One of ...": a sentence about a name that is not known.
 pub(crate) fn no_such(name: &str, known: &[&str]) -> String {
-    let far = |k: &&&str| distance(name, k);
+    // A part of a name is near it, whatever is missing.
+    let part = |k: &str| name.len() > 2 && (k.starts_with(name) || name.starts_with(k));
+    let far = |k: &&&str| if part(k) { 0 } else { distance(name, k) };
     let nearest = known.iter().min_by_key(far).filter(|k| far(k) <= 1 + name.len() / 2);
     let meant = nearest.map_or_else(String::new, |k| format!(" Did you mean {k:?}?"));
     const SHOWN: usize = 12;

@@ -15,6 +15,8 @@ K = np.array([[300.0, 0.0, 161.0], [0.0, 300.0, 118.0], [0.0, 0.0, 1.0]])
 TURN_DEG = 25.0
 #: Pitch below the horizon and roll of each attitude, degrees.
 ATTITUDES = [(50.0, 0.0), (55.0, -30.0), (45.0, 30.0)]
+#: Place over the floor and heading of the first picture of each.
+PLACES = [((0.0, 0.0), 0.0), ((0.4, 0.5), -20.0), ((-0.3, -0.4), 15.0)]
 
 Array = npt.NDArray[Any]
 
@@ -36,8 +38,10 @@ def floor_homography(name: str) -> Array:
     """Pixels from points (X, Y, 1) of the floor."""
     pitch, roll = ATTITUDES[int(name[0])]
     second = name[1] == "b"
-    R = rotation(pitch, roll, TURN_DEG if second else 0.0)
-    centre = np.array([0.15, -0.1, 1.0]) if second else np.array([0.0, 0.0, 1.0])
+    # Each attitude at a place of its own: a camera that only tilted on the spot between them would be another scene.
+    place, yaw_deg = PLACES[int(name[0])]
+    R = rotation(pitch, roll, yaw_deg + (TURN_DEG if second else 0.0))
+    centre = np.array([*place, 1.0]) + (np.array([0.15, -0.1, 0.0]) if second else 0.0)
     return K @ np.column_stack([R[:, 0], R[:, 1], -R @ centre])
 
 
@@ -75,6 +79,15 @@ def tracks(noise_px: float = 0.05) -> dict[str, tuple[list[int], Array]]:
         ids = np.flatnonzero(seen)
         found[name] = (ids.tolist(), xy[ids] + random.normal(0, noise_px, (len(ids), 2)))
     return found
+
+
+def matches_between(a: str, b: str, noise_px: float = 0.05) -> tuple[Array, Array]:
+    """Matches of any two pictures."""
+    random, floor = np.random.default_rng(5), floor_points()
+    (xy_a, seen_a), (xy_b, seen_b) = pixels(a, floor), pixels(b, floor)
+    both = seen_a & seen_b
+    found = [xy[both] + random.normal(0, noise_px, (both.sum(), 2)) for xy in (xy_a, xy_b)]
+    return found[0], found[1]
 
 
 def homographies() -> dict[tuple[str, str], Array]:

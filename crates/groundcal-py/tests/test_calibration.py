@@ -42,11 +42,11 @@ def test_numbers(tripod: groundcal.Calibration) -> None:
     with pytest.raises(ValueError):
         K[0, 0] = 1
     sigma, C = tripod.standard_deviation, tripod.covariance
-    assert C.matrix.shape == (len(C.names), len(C.names)) and np.array_equal(C.matrix, C.matrix.T)
+    assert C.matrix.shape == (len(C.names), len(C.names)) and np.allclose(C.matrix, C.matrix.T, rtol=1e-9)
     for name, value in sigma.items():
         assert np.sqrt(C[name, name]) == pytest.approx(value)
     assert np.array_equal(np.asarray(C), C.matrix)
-    assert C.of("cy", "fx")[0, 1] == C["fx", "cy"]
+    assert C.of("cy", "fx")[0, 1] == C["cy", "fx"]
     with pytest.raises(KeyError, match='Did you mean "fx"'):
         C["fz", "fx"]
     assert tripod.rms_px is not None and 0.005 < tripod.rms_px < 0.2
@@ -64,7 +64,7 @@ def test_views_are_poses(tripod: groundcal.Calibration, examples: Path) -> None:
         q = tripod.K @ (view.R @ X + view.t)
         back = view.floor_from_pixel @ (q / q[2])
         assert np.allclose(back[:2] / back[2], X[:2], atol=1e-9)
-    assert truth["camera"]["fx"] == 705.0
+    assert truth["fx"] == 705.0
 
 
 def test_saved_loaded_pickled_copied_it_is_equal(tmp_path: Path, tripod: groundcal.Calibration) -> None:

@@ -20,7 +20,7 @@ def test_undistorted_arrays_and_files_are_one(tripod: groundcal.Calibration, exa
     assert straight.image.shape == image.shape and straight.image.dtype == np.uint8
     assert np.array_equal(straight.image, of_file.image) and np.array_equal(straight.mask, of_file.mask)
     assert np.allclose(straight.K, lens.K)
-    assert groundcal.undistort(lens, image, fit="crop").mask.min() == 255
+    assert groundcal.undistort(lens, image, fit="crop").mask.min() > 127
     wide = groundcal.undistort(lens, image, fov_deg=100)
     assert wide.K[0, 0] == pytest.approx(320 / np.tan(np.radians(50)), rel=1e-2)
     for dtype in (np.uint16, np.float32):

@@ -154,9 +154,10 @@ def test_what_cannot_be_determined_says_what_helps() -> None:
     assert error.code == "too_few_attitudes"
     assert any('constraint="auto"' in remedy for remedy in error.remedies)
     assert "--" not in str(error) and "--" not in " ".join(error.remedies)
-    # Nothing shows that the axis was normal to the floor: it may be vouched for.
-    error = refused(groundcal.DegenerateError, ['motion="plane-normal"'], one, image_size=SIZE)
-    assert isinstance(error, groundcal.DegenerateError)
+    # It tilted: nothing shows that the axis was normal to the floor; that may be vouched for.
+    tilted = {("0a", "1b"): scene.matches_between("0a", "1b")}
+    error = refused(groundcal.DegenerateError, ['motion="plane-normal"'], tilted, image_size=SIZE)
+    assert isinstance(error, groundcal.DegenerateError) and error.code == "no_usable_motion"
     assert any('motion="plane-normal"' in remedy for remedy in error.remedies), error.remedies
     assert groundcal.calibrate(one, image_size=SIZE, motion="plane-normal").warnings
     again = pickle.loads(pickle.dumps(error))

@@ -40,9 +40,9 @@ def image(value: Any, name: str) -> npt.NDArray[Any]:
     if array.dtype == np.float32 and not np.isfinite(array).all():
         count = int(array.size - np.count_nonzero(np.isfinite(array)))
         raise _refuse(name, f"{count} of its values are no finite numbers (NaN or infinite). Mend them: np.nan_to_num(image)")
-    native = array.dtype.newbyteorder("=")
-    # The array itself where it is contiguous.
-    return np.ascontiguousarray(array, dtype=native)
+    if array.dtype.isnative and array.flags.c_contiguous:
+        return array
+    return np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("="))
 
 
 def points(value: Any, name: str) -> npt.NDArray[np.float64]:

@@ -260,7 +260,7 @@ def _dispatch(source: Any, names: Sequence[str] | None, bgr: bool, given: dict[s
     if _is_path(source):
         _only_arrays(names, bgr)
         return _groundcal.calibrate_files([source], given, told)
-    if isinstance(source, np.ndarray) and source.ndim == 4:
+    if isinstance(source, np.ndarray) and (source.ndim == 4 or source.ndim == 3 and source.shape[2] not in (1, 3, 4)):
         return _from_arrays(list(source), names, bgr, given, told)
     if isinstance(source, np.ndarray):
         raise InputError(

@@ -33,5 +33,8 @@ def named(function: _Function) -> _Function:
 
 def say(notes: Iterable[str]) -> None:
     """Warns of what was found out; the warning points at the user's line."""
+    frame, level = inspect.currentframe(), 0
+    while frame is not None and frame.f_globals.get("__package__") == __package__:
+        frame, level = frame.f_back, level + 1
     for note in notes:
-        warnings.warn(note, GroundcalWarning, stacklevel=4)
+        warnings.warn(note, GroundcalWarning, stacklevel=level + 1)

@@ -144,7 +144,7 @@ class Plan:
         figure: Error of f against the number of motions, as SVG.
 
     Example:
-        >>> len(groundcal.plan(rig="robot", motions=3).motions)
+        >>> len(groundcal.plan(motions=3).motions)
         3
     """
 
@@ -292,7 +292,7 @@ class Study:
 
     Example:
         >>> study = groundcal.simulate("noise", trials=5)
-        >>> study.table["value"].max()
+        >>> float(study.table["value"].max())
         4.0
     """
 
