@@ -27,7 +27,8 @@ def rotation(pitch_deg: float, roll_deg: float, yaw_deg: float) -> Array:
     pitched = np.array([[0, -1, 0], [-np.sin(p), 0, -np.cos(p)], [np.cos(p), 0, -np.sin(p)]])
     rolled = np.array([[np.cos(r), np.sin(r), 0], [-np.sin(r), np.cos(r), 0], [0, 0, 1]])
     yawed = np.array([[np.cos(y), np.sin(y), 0], [-np.sin(y), np.cos(y), 0], [0, 0, 1]])
-    return rolled @ pitched @ yawed
+    found: Array = rolled @ pitched @ yawed
+    return found
 
 
 def names() -> list[str]:
@@ -42,7 +43,8 @@ def floor_homography(name: str) -> Array:
     place, yaw_deg = PLACES[int(name[0])]
     R = rotation(pitch, roll, yaw_deg + (TURN_DEG if second else 0.0))
     centre = np.array([*place, 1.0]) + (np.array([0.15, -0.1, 0.0]) if second else 0.0)
-    return K @ np.column_stack([R[:, 0], R[:, 1], -R @ centre])
+    found: Array = K @ np.column_stack([R[:, 0], R[:, 1], -R @ centre])
+    return found
 
 
 def pixels(name: str, floor: Array) -> tuple[Array, Array]:
@@ -101,7 +103,7 @@ def homographies() -> dict[tuple[str, str], Array]:
 def texture() -> Array:
     """A floor of random blotches, 2048 x 2048 over 8 x 8 units, values 0 to 1."""
     random = np.random.default_rng(4)
-    total = np.zeros((2048, 2048))
+    total: Array = np.zeros((2048, 2048))
     for cells in (64, 128, 256, 512):
         coarse = random.normal(size=(cells, cells))
         total += np.kron(coarse, np.ones((2048 // cells, 2048 // cells)))

@@ -44,7 +44,7 @@ def test_folder_paths_patterns_and_arrays_are_one(
     folder = groundcal.calibrate(tmp_path)
     assert same_numbers(folder, made)
     assert [v.image for v in folder.views] == [f"{n}.png" for n in scene.names()]
-    assert groundcal.calibrate(sorted(tmp_path.glob("*.png"))) == folder
+    assert groundcal.calibrate([*sorted(tmp_path.glob("*.png"))]) == folder
     assert groundcal.calibrate(str(tmp_path / "*.png")) == folder
 
 

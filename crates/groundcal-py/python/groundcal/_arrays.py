@@ -20,7 +20,8 @@ def image(value: Any, name: str) -> npt.NDArray[Any]:
     """A picture as a C-contiguous array: the array itself where it is one."""
     array: npt.NDArray[Any] = np.asarray(value)
     if array.dtype == object:
-        raise TypeError(f"{name}: expected an array of pixels (H, W) or (H, W, 3), not {type(value).__name__}")
+        help = " (cv2.imread gives None for a file that it cannot read)" if value is None else ""
+        raise TypeError(f"{name}: expected an array of pixels (H, W) or (H, W, 3), not {type(value).__name__}{help}")
     if array.ndim not in (2, 3):
         what = "a stack of pictures: give them as a list" if array.ndim == 4 else "no picture"
         raise _refuse(name, f"an array of shape {array.shape} is {what}; expected (H, W) or (H, W, 3)")
