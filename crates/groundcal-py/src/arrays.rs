@@ -47,10 +47,7 @@ pub(crate) fn with_pixels<R>(
 
 /// A copy of an array as a picture of its depth, colours in their order.
 pub(crate) fn picture(array: &Bound<'_, PyAny>) -> PyResult<Picture> {
-    fn raster<T: Copy>(image: &ArrayImage, data: &[T]) -> PyResult<Raster<T>>
-    where
-        T: Depth,
-    {
+    fn raster<T: Depth>(image: &ArrayImage, data: &[T]) -> PyResult<Raster<T>> {
         Raster::from_rows(image.size, image.channels, data.to_vec())
             .ok_or_else(|| PyTypeError::new_err("an array of pixels must not be empty"))
     }
@@ -73,7 +70,10 @@ pub(crate) enum Made {
 impl Made {
     /// (H, W) or (H, W, 3), and (H, W).
     pub(crate) fn arrays(self, py: Python<'_>) -> PyResult<(Bound<'_, PyAny>, Bound<'_, PyAny>)> {
-        fn both<T: Element + Depth>(py: Python<'_>, made: Resampled<T>) -> PyResult<(Bound<'_, PyAny>, Bound<'_, PyAny>)> {
+        fn both<T: Element + Depth>(
+            py: Python<'_>,
+            made: Resampled<T>,
+        ) -> PyResult<(Bound<'_, PyAny>, Bound<'_, PyAny>)> {
             let (size, channels) = (made.picture.size(), made.picture.channels());
             let data = made.picture.into_data().into_pyarray(py);
             let picture = match channels {

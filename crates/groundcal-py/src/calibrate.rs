@@ -116,7 +116,9 @@ pub(crate) fn calibrate_files<'py>(
         Inputs::Csv(path) => of_csv(asked, pairs, path, watch),
         Inputs::Images(files) => {
             if asked.image_size.is_some() {
-                return Err(Failure::option("image_size= goes with matches, tracks and homographies; images have their own"));
+                return Err(Failure::option(
+                    "image_size= goes with matches, tracks and homographies; images have their own",
+                ));
             }
             let names = image_names(&files);
             if let Some(pairs) = &pairs {
@@ -221,8 +223,7 @@ pub(crate) fn calibrate_arrays<'py>(
 }
 
 /// Matches of a pair: indices of its images, places in both, deviations.
-type GivenMatches<'py> =
-    (usize, usize, PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>, Option<Vec<f64>>);
+type GivenMatches<'py> = (usize, usize, PyReadonlyArray2<'py, f64>, PyReadonlyArray2<'py, f64>, Option<Vec<f64>>);
 
 /// From matches.
 #[pyfunction]
@@ -284,8 +285,7 @@ pub(crate) fn calibrate_tracks<'py>(
 }
 
 /// A homography: indices of its images, the matrix, its covariance, matches.
-type GivenHomography<'py> =
-    (usize, usize, PyReadonlyArray2<'py, f64>, Option<PyReadonlyArray2<'py, f64>>, usize);
+type GivenHomography<'py> = (usize, usize, PyReadonlyArray2<'py, f64>, Option<PyReadonlyArray2<'py, f64>>, usize);
 
 /// Variance of each entry where no covariance is given: all count the same.
 const VARIANCE_WITHOUT_COVARIANCE: f64 = 1e-8;

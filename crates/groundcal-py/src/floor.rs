@@ -51,6 +51,9 @@ fn undistortion(camera: &Camera, fit: &str, fov_deg: Option<f64>) -> Result<Undi
     Undistortion::new(&camera.model(), fit).map_err(|e| Failure::of_input("calibration", e))
 }
 
+/// A camera matrix and two maps.
+type Maps<'py> = ([[f64; 3]; 3], Bound<'py, PyAny>, Bound<'py, PyAny>);
+
 /// The camera matrix of undistorted pictures, and the two maps (H, W) from their pixels to those of the originals.
 #[pyfunction]
 #[pyo3(signature = (calibration, fit, fov_deg))]
@@ -59,7 +62,7 @@ pub(crate) fn undistort_maps<'py>(
     calibration: &Handle,
     fit: &str,
     fov_deg: Option<f64>,
-) -> PyResult<([[f64; 3]; 3], Bound<'py, PyAny>, Bound<'py, PyAny>)> {
+) -> PyResult<Maps<'py>> {
     let calibration = calibration.shared();
     let fit = fit.to_string();
     let size = calibration.camera.size();

@@ -52,6 +52,9 @@ impl Handle {
     }
 }
 
+/// Names and contents of files, and what their format cannot say.
+type Rendered = (Vec<(String, String)>, Vec<String>);
+
 /// The formats by their names.
 const FORMATS: [(&str, Format); 6] = [
     ("opencv", Format::Opencv),
@@ -88,7 +91,7 @@ impl Handle {
     }
 
     /// Files of a format: names with content, and what the format cannot say.
-    fn rendered(&self, py: Python<'_>, format: &str) -> PyResult<(Vec<(String, String)>, Vec<String>)> {
+    fn rendered(&self, py: Python<'_>, format: &str) -> PyResult<Rendered> {
         let made = || -> Result<_, Failure> {
             let rendered = export::render(&self.calibration, &[format_of(format)?])?;
             let files = rendered.files.into_iter().map(|f| (f.name.to_string(), f.content)).collect();
@@ -111,11 +114,7 @@ impl Handle {
     fn with_camera_height(&self, py: Python<'_>, height_m: f64) -> PyResult<Self> {
         let calibration = (*self.calibration).clone().with_camera_height(height_m);
         let calibration = calibration.map_err(|e| Failure::from(e).raise(py))?;
-        Ok(Self {
-            calibration: Arc::new(calibration),
-            images: Arc::clone(&self.images),
-            inputs: self.inputs.clone(),
-        })
+        Ok(Self { calibration: Arc::new(calibration), images: Arc::clone(&self.images), inputs: self.inputs.clone() })
     }
 
     /// Whether both say the same.
@@ -202,10 +201,7 @@ fn loaded(path: &Path) -> Result<(Handle, Vec<String>), Failure> {
         return Ok((Handle::new(groundcal_json::read(path)?, Vec::new(), Vec::new()), camera.notes));
     }
     let size = camera.size.ok_or_else(|| {
-        Failure::input(format!(
-            "{}: the size of the images is not said. Add image_width and image_height",
-            shown(path)
-        ))
+        Failure::input(format!("{}: the size of the images is not said. Add image_width and image_height", shown(path)))
     })?;
     let value = serde_json::json!({
         "format_version": 1,

@@ -31,7 +31,9 @@ impl Wording for Keywords {
             Remedy::UseJointMethod => {
                 "over a floor use the joint method (the default, method=\"joint\"), which needs no fixed optical centre"
             }
-            Remedy::AllowLargerTurns => "let the camera turn by 15 degrees or more between two pictures (max_turn_deg=)",
+            Remedy::AllowLargerTurns => {
+                "let the camera turn by 15 degrees or more between two pictures (max_turn_deg=)"
+            }
             Remedy::AllowTilts => "tilt the camera to 30 to 60 degrees below the horizon (tilts_deg=)",
             other => return other.to_string(),
         };

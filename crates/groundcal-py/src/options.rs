@@ -63,11 +63,7 @@ pub(crate) fn wrong_type(name: &str, value: &Bound<'_, PyAny>) -> PyErr {
 }
 
 /// One of several values by its name.
-pub(crate) fn named<T: Copy>(
-    given: &Bound<'_, PyDict>,
-    keyword: &str,
-    values: &[(&str, T)],
-) -> PyResult<Option<T>> {
+pub(crate) fn named<T: Copy>(given: &Bound<'_, PyDict>, keyword: &str, values: &[(&str, T)]) -> PyResult<Option<T>> {
     let Some(name) = taken::<String>(given, keyword)? else { return Ok(None) };
     let found = values.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
     found.map(Some).ok_or_else(|| {
@@ -225,8 +221,7 @@ impl Asked {
             Some(KnownLens::Camera(name, camera)) => (name, camera, Vec::new()),
             Some(KnownLens::File(path)) => {
                 let read = read_camera(&path)?;
-                let camera =
-                    Camera { size: read.size.unwrap_or(size), intrinsics: read.intrinsics, lens: read.lens };
+                let camera = Camera { size: read.size.unwrap_or(size), intrinsics: read.intrinsics, lens: read.lens };
                 (format!("distortion={:?}", path.display().to_string()), camera, read.notes)
             }
         };

@@ -85,19 +85,16 @@ pub(crate) fn compare_cameras(py: Python<'_>, cameras: Vec<ComparedCamera>, widt
             CompareError::Shapes(i, what) => Failure::input(format!("{}: {what}", both(i))),
             CompareError::Camera(i, error) => Failure::of_input(&both(i), error),
         })?;
-        let size = groundcal::geometry::size::ImageSize::new(found.reference.image_size[0], found.reference.image_size[1]);
+        let size =
+            groundcal::geometry::size::ImageSize::new(found.reference.image_size[0], found.reference.image_size[1]);
         let figure = |(name, d)| svg::document(&comparison::figure(&names[0], name, size, d).layout());
         let figures = names[1..].iter().map(String::as_str).zip(&differences).map(figure).collect();
         Ok((serde_json::to_string(&found)?, comparison::text(&found, width), figures, notes))
     })
 }
 
-const CARRIERS: [(&str, Carrier); 4] = [
-    ("tripod", Carrier::Tripod),
-    ("pan-head", Carrier::PanHead),
-    ("robot", Carrier::Robot),
-    ("drone", Carrier::Drone),
-];
+const CARRIERS: [(&str, Carrier); 4] =
+    [("tripod", Carrier::Tripod), ("pan-head", Carrier::PanHead), ("robot", Carrier::Robot), ("drone", Carrier::Drone)];
 
 fn plan_request(given: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
     let motions = taken::<usize>(given, "motions")?;

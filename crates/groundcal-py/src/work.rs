@@ -144,7 +144,8 @@ pub(crate) fn run<'py, T: Send + 'static>(
     progress: Option<&Bound<'py, PyAny>>,
     work: impl FnOnce(&Watch) -> Result<T, Failure> + Send + 'static,
 ) -> PyResult<T> {
-    let fault = |what: String| PyRuntimeError::new_err(format!("internal fault: {what}. Please report it with the input"));
+    let fault =
+        |what: String| PyRuntimeError::new_err(format!("internal fault: {what}. Please report it with the input"));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads.unwrap_or(0))
         .build()

@@ -111,7 +111,8 @@ mod tests {
             g / g.norm()
         };
         for entry in 0..9 {
-            let step = 1e-6 * (1.0 + h[(entry / 3, entry % 3)].abs());
+            let at: f64 = h[(entry / 3, entry % 3)];
+            let step = 1e-6 * (1.0 + at.abs());
             let mut moved = h;
             moved[(entry / 3, entry % 3)] += step;
             let change = (unit(&moved) - unit(&h)) / step;
