@@ -6,6 +6,28 @@ from typing import Any, Callable, final
 import numpy as np
 import numpy.typing as npt
 
+__all__ = [
+    "Handle",
+    "STUDIES",
+    "VERSION",
+    "WIDTH",
+    "calibrate_arrays",
+    "calibrate_files",
+    "calibrate_pairs",
+    "calibrate_planes",
+    "calibrate_tracks",
+    "compare_cameras",
+    "from_json",
+    "load",
+    "no_such",
+    "plan_motions",
+    "rectify_floor",
+    "run_program",
+    "run_study",
+    "undistort",
+    "undistort_maps",
+]
+
 VERSION: str
 WIDTH: int
 STUDIES: list[str]
