@@ -11,7 +11,11 @@ use groundcal::{
     result::PriorParameter,
     start::linear_camera::GivenPrior,
 };
-use groundcal_io::{import::read_camera, text::plain};
+use groundcal_io::{
+    import::read_camera,
+    limits::{MAX_PIXELS, SIDES_PX},
+    text::plain,
+};
 use pyo3::{
     exceptions::PyTypeError,
     prelude::*,
@@ -21,7 +25,7 @@ use pyo3::{
 use crate::{failure::Failure, handle::Handle, nearest::no_such};
 
 /// What each keyword has to be.
-const TYPES: [(&str, &str); 20] = [
+const TYPES: [(&str, &str); 33] = [
     ("motion", "a string"),
     ("constraint", "a string"),
     ("method", "a string"),
@@ -37,11 +41,24 @@ const TYPES: [(&str, &str); 20] = [
     ("max_features", "a whole number from 0"),
     ("match_patches", "True or False"),
     ("seed", "a whole number from 0"),
+    ("motions", "a whole number from 1"),
     ("threads", "a whole number from 1"),
     ("image_size", "a pair of whole numbers (width, height) in pixels"),
     ("resolution", "a number of pixels"),
     ("extent", "a number"),
     ("up", "a string"),
+    ("mosaic", "True or False"),
+    ("rig", "a string"),
+    ("f", "a number of pixels"),
+    ("hfov_deg", "a number of degrees"),
+    ("tilts_deg", "a list of numbers of degrees"),
+    ("rolls_deg", "a list of numbers of degrees"),
+    ("max_turn_deg", "a number of degrees"),
+    ("height_m", "a number of metres"),
+    ("axis_offset_m", "a number of metres"),
+    ("reach_m", "a number of metres"),
+    ("noise_px", "a number of pixels"),
+    ("points", "a number"),
 ];
 
 /// A value of a dictionary of keywords.
@@ -59,7 +76,7 @@ pub(crate) fn wrong_type(name: &str, value: &Bound<'_, PyAny>) -> PyErr {
     let kind = value.get_type().name().map_or_else(|_| "?".into(), |n| n.to_string());
     let shown = value.repr().map_or_else(|_| String::new(), |r| r.to_string());
     let shown: String = shown.chars().take(60).collect();
-    PyTypeError::new_err(format!("{name}= must be {expected}, not {kind}: {}", plain(&shown)))
+    PyTypeError::new_err(format!("{name}= must be {expected}, not {} ({kind})", plain(&shown)))
 }
 
 /// One of several values by its name.
@@ -92,7 +109,16 @@ const METHODS: [(&str, Method); 3] =
 
 /// `image_size=(width, height)`.
 pub(crate) fn image_size(given: &Bound<'_, PyDict>) -> PyResult<Option<ImageSize>> {
-    Ok(taken::<(usize, usize)>(given, "image_size")?.map(|(width, height)| ImageSize::new(width, height)))
+    let Some((width, height)) = taken::<(usize, usize)>(given, "image_size")? else { return Ok(None) };
+    let sides = [width, height].map(|side| side as u64);
+    let refused = if !sides.iter().all(|side| SIDES_PX.contains(side)) {
+        format!("both must lie between {} and {}", SIDES_PX.start(), SIDES_PX.end())
+    } else if sides[0] * sides[1] > MAX_PIXELS {
+        format!("images of at most {} megapixels are read", MAX_PIXELS / 1_000_000)
+    } else {
+        return Ok(Some(ImageSize::new(width, height)));
+    };
+    Err(Failure::option(format!("image_size=({width}, {height}): {refused}")).raise(given.py()))
 }
 
 /// `priors={"cx": (640, 5)}`.

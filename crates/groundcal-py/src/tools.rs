@@ -170,9 +170,6 @@ pub(crate) fn run_study<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(String, String, String)> {
     let study = study_of(study).map_err(|e| e.raise(py))?;
-    if trials == 0 {
-        return Err(Failure::option("trials=0: it must be 1 or more").raise(py));
-    }
     work::run(py, threads, progress, move |watch| {
         let output = study.run(trials, seed, watch)?;
         let table = String::from_utf8(output.table).map_err(|e| Failure::Fault(e.to_string()))?;

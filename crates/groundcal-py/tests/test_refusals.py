@@ -39,7 +39,7 @@ def test_unknown_keywords_are_told_the_nearest() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"motion": 3}, ["motion= must be a string", "int"]),
+        ({"motion": 3}, ["motion= must be a string", "not 3 (int)"]),
         ({"aspect": "wide"}, ["aspect= must be a number", "str"]),
         ({"principal_point_px": 640}, ["principal_point_px= must be a pair of numbers"]),
         ({"priors": {"cx": 640}}, ["priors= must be a mapping", '{"cx": (640, 5)}']),
@@ -60,6 +60,8 @@ def test_values_of_wrong_types(options: dict[str, Any], words: list[str]) -> Non
     [
         ({"motion": "plane"}, ['motion="plane"', 'Did you mean "plane-normal"?']),
         ({"motion": "general"}, ["general motion"]),
+        ({"image_size": (0, 240)}, ["image_size=(0, 240)", "between 2 and"]),
+        ({"image_size": (10**5, 10**5)}, ["megapixels"]),
         ({"constraint": "squre"}, ['Did you mean "square"?']),
         ({"method": "magic"}, ['there is no "magic"', '"joint", "linear", "rotating"']),
         ({"lens": "k3"}, ['"none", "k1", "k1k2"']),

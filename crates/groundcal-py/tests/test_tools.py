@@ -46,6 +46,9 @@ def test_pictures_are_planned(tripod: groundcal.Calibration) -> None:
     ]:
         with pytest.raises(groundcal.InputError, match=word):
             groundcal.plan(**keywords)  # type: ignore[arg-type]
+    for keyword, value in [("tilts_deg", "20,30"), ("motions", 2.5), ("height_m", "1.5")]:
+        with pytest.raises(TypeError, match=f"{keyword}= must be "):
+            groundcal.plan(**{keyword: value})  # type: ignore[arg-type]
     with pytest.raises(groundcal.DegenerateError) as caught:
         groundcal.plan(max_turn_deg=0)
     assert any("max_turn_deg=" in remedy for remedy in caught.value.remedies)
@@ -58,5 +61,8 @@ def test_studies(tripod: groundcal.Calibration) -> None:
     assert groundcal.simulate("noise", trials=3, seed=1, threads=1).to_csv() == study.to_csv()
     with pytest.raises(groundcal.InputError, match='Did you mean "noise"'):
         groundcal.simulate("noize")
-    with pytest.raises(groundcal.InputError, match="trials=0"):
-        groundcal.simulate("noise", trials=0)
+    for keyword, value in [("trials", 0), ("trials", -1), ("seed", -1), ("threads", 0)]:
+        with pytest.raises(groundcal.InputError, match=f"{keyword}={value}"):
+            groundcal.simulate("noise", **{keyword: value})
+    with pytest.raises(TypeError, match="trials= must be a whole number"):
+        groundcal.simulate("noise", trials=2.5)  # type: ignore[arg-type]

@@ -237,8 +237,8 @@ def plan(
         "f": f,
         "hfov_deg": hfov_deg,
         "principal_point_px": principal_point_px,
-        "tilts_deg": None if tilts_deg is None else [float(v) for v in tilts_deg],
-        "rolls_deg": None if rolls_deg is None else [float(v) for v in rolls_deg],
+        "tilts_deg": tilts_deg,
+        "rolls_deg": rolls_deg,
         "max_turn_deg": max_turn_deg,
         "height_m": height_m,
         "axis_offset_m": axis_offset_m,
@@ -344,6 +344,11 @@ def simulate(
         >>> study.figure[:4]
         '<svg'
     """
+    for name, value, least, most in (("trials", trials, 1, 10**6), ("seed", seed, 0, 2**64 - 1), ("threads", threads, 1, 256)):
+        if value is not None and not isinstance(value, (int, np.integer)):
+            raise TypeError(f"{name}= must be a whole number, not {value!r} ({type(value).__name__})")
+        if value is not None and not least <= value <= most:
+            raise InputError(f"{name}={value}: it must lie between {least} and {most}", "unusable_option")
     with listener(progress) as told:
         table, text, figure = _groundcal.run_study(study, trials, seed, threads, told)
     return Study(study, table, text, figure)
