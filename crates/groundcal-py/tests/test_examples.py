@@ -45,6 +45,13 @@ def test_the_examples_are_right(
     tripod: groundcal.Calibration, examples: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(examples.parent)
+    real = groundcal.calibrate
+
+    def calibrate(source: Any, **options: Any) -> groundcal.Calibration:
+        """The same, but for what was calibrated already."""
+        return tripod if source == "examples/tripod" and not options else real(source, **options)
+
+    monkeypatch.setattr(groundcal, "calibrate", calibrate)
     one = {("0a", "0b"): scene.matches()["0a", "0b"]}
     known = {
         "groundcal": groundcal,

@@ -63,6 +63,6 @@ def test_studies(tripod: groundcal.Calibration) -> None:
         groundcal.simulate("noize")
     for keyword, value in [("trials", 0), ("trials", -1), ("seed", -1), ("threads", 0)]:
         with pytest.raises(groundcal.InputError, match=f"{keyword}={value}"):
-            groundcal.simulate("noise", **{keyword: value})
+            groundcal.simulate("noise", **{keyword: value})  # type: ignore[arg-type]
     with pytest.raises(TypeError, match="trials= must be a whole number"):
         groundcal.simulate("noise", trials=2.5)  # type: ignore[arg-type]
