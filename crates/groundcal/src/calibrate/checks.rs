@@ -7,7 +7,7 @@ use crate::{
     },
     error::Error,
     geometry::{intrinsics::Intrinsics, lens::Lens, parameters::PriorParameter},
-    ids::{ImageId, PairId},
+    ids::{ImageId, PairId, ViewId},
     numerics::statistics::chi_squared_survival,
     pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::{Parameter, PrincipalPointDoubt, Warning},
@@ -72,6 +72,7 @@ pub(super) fn doubts(
     let mut warnings = Vec::new();
     warnings.extend(uncertain_lens(solved, lens));
     warnings.extend(static_backgrounds(pairs, names));
+    warnings.extend(left_out(solved, pairs, names));
     warnings.extend((solved.used.len() == 1).then_some(Warning::SingleMotion));
     warnings.extend(alike_attitudes(solved, attitudes, stages));
     warnings.extend(disagreement(solved));
@@ -108,6 +109,12 @@ fn static_backgrounds(pairs: &[PairObservation], names: Names<'_>) -> impl Itera
         to: names.of(pair.to),
         matches: pair.background(),
     })
+}
+
+/// Motions that the refinement did without.
+fn left_out(solved: &Solved, pairs: &[PairObservation], names: Names<'_>) -> Vec<Warning> {
+    let of = |id: PairId| Warning::MotionLeftOut { from: names.of(pairs[id].from), to: names.of(pairs[id].to) };
+    solved.selection.iter().flat_map(|left| left.left_out().map(of)).collect()
 }
 
 /// One attitude, or several that differ in pitch alone.
@@ -161,9 +168,11 @@ fn straying_motions(solved: &Solved, joint: &Joint, pairs: &[PairObservation], n
     let strays = |&id: &PairId| {
         let pair = &pairs[id];
         let (a, b) = (delta(pair.from)?, delta(pair.to)?);
+        let frames = joint.views.of_pair(pair)?.map(ViewId::index);
+        let known = frames.iter().any(|frame| joint.bundle.stray_frames.contains(frame));
         let squares = a.iter().chain(&b).map(|d| (d / sigma).powi(2)).sum::<f64>();
         let improbable = chi_squared_survival(squares, 4) < STRAYS_P / solved.used.len() as f64;
-        (sigma > 0.0 && improbable).then(|| Warning::MotionStrays {
+        (known || sigma > 0.0 && improbable).then(|| Warning::MotionStrays {
             from: names.of(pair.from),
             to: names.of(pair.to),
             apart_deg: (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees(),

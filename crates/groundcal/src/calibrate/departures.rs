@@ -11,7 +11,7 @@
 use crate::{
     calibrate::matter::{Matter, Refined},
     error::Error,
-    refine::DepartureKind,
+    refine::{DepartureKind, blocks::MATRIX},
     result::{PictureDeparture, Warning},
 };
 
@@ -33,7 +33,10 @@ pub(super) fn with_departure(
     let bundle = &refined.joint.bundle;
     let suspect = bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
         || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
-    if !suspect || refined.options.bundle.departures.contains(&kind) {
+    // A lens or attitudes that are held because that was asked for may be wrong, and pictures that depart could hide it.
+    let asked = &refined.options.bundle;
+    let held = asked.attitude_sigma_rad.is_some() || !asked.cameras[0].is_free(MATRIX);
+    if !suspect || held || asked.departures.contains(&kind) {
         return Ok(None);
     }
     let mut options = refined.options.clone();
@@ -45,10 +48,9 @@ pub(super) fn with_departure(
         Err(Error::Stopped) => return Err(Error::Stopped),
         Err(_) => return Ok(None),
     };
-    let (Some(before), Some(after)) = (bundle.evidence, with.joint.bundle.evidence) else { return Ok(None) };
-    let gain = after.gain_over(&before);
+    let Some((gain, true)) = with.gain_over(refined, needed) else { return Ok(None) };
     with.departures.push((kind, gain));
-    Ok((gain > needed).then_some((gain, with)))
+    Ok(Some((gain, with)))
 }
 
 /// What is said of the departures found.

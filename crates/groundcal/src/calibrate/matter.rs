@@ -53,8 +53,20 @@ pub(super) struct Refined {
     pub(super) options: RefinementOptions,
     /// Priors that were released, and why.
     pub(super) conflicts: Vec<PriorConflict>,
+    /// Frames whose attitudes strayed, with twice the logarithm of the odds for each.
+    pub(super) strays: Vec<(usize, f64)>,
     /// Departures of the pictures that are estimated, with twice the logarithm of the odds for each.
     pub(super) departures: Vec<(DepartureKind, f64)>,
+}
+
+impl Refined {
+    /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, and whether that is
+    /// more than `needed`. `None` where this one is no minimum; one that is needs no odds against one that is not.
+    pub(super) fn gain_over(&self, other: &Self, needed: f64) -> Option<(f64, bool)> {
+        let (mine, others) = (self.joint.bundle.evidence?, other.joint.bundle.evidence?);
+        let gain = mine.gain_over(&others);
+        self.joint.has_converged().then_some((gain, gain > needed || !other.joint.has_converged()))
+    }
 }
 
 /// What is refined: the matches of the motions selected.
@@ -108,7 +120,7 @@ impl<'a> Matter<'a> {
 
     pub(super) fn refined(&self, mut joint: Joint, solution: CameraSolution, options: RefinementOptions) -> Refined {
         joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
-        Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new() }
+        Refined { joint, solution, options, conflicts: Vec::new(), strays: Vec::new(), departures: Vec::new() }
     }
 
     /// Refined again on the very same tracks, under other options, from other starts.
@@ -125,6 +137,7 @@ impl<'a> Matter<'a> {
         let mut again = self.refined(joint, solution, options);
         (again.joint.cross_links, again.joint.floors) = (before.cross_links.clone(), before.floors);
         again.conflicts.clone_from(&refined.conflicts);
+        again.strays.clone_from(&refined.strays);
         again.departures.clone_from(&refined.departures);
         Ok(again)
     }

@@ -26,6 +26,7 @@ mod solved;
 mod soundness;
 mod source;
 mod stage_options;
+mod strays;
 mod turning;
 mod views;
 

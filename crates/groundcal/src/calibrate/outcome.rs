@@ -283,6 +283,11 @@ fn why_not_used(
                 names.of(image)
             )
         }
+        Rejection::LeftOut => {
+            "left out: with it no camera explains all motions together, and its points were furthest from the one \
+                               that came out"
+                .to_string()
+        }
         Rejection::NoRotation => "not explained by a camera that turns on the spot, as the others are".to_string(),
     })
 }

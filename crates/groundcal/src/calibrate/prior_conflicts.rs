@@ -11,6 +11,7 @@
 use crate::{
     calibrate::departures::with_departure,
     calibrate::matter::{Matter, Refined, RefinementOptions},
+    calibrate::strays::with_stray_frame,
     error::Error,
     geometry::{constraint::Constraint, parameters::PriorParameter},
     refine::{BundleOptions, DepartureKind, State},
@@ -69,8 +70,10 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
         for numbers in RELEASES {
             offer(without_prior(matter, &refined, numbers)?);
         }
+        let needed = 2.0 * RELEASE_ODDS.ln();
+        offer(with_stray_frame(matter, &refined, needed)?);
         for kind in DepartureKind::ALL {
-            offer(with_departure(matter, &refined, kind, 2.0 * RELEASE_ODDS.ln())?);
+            offer(with_departure(matter, &refined, kind, needed)?);
         }
         match best {
             Some((_, without)) => (refined, changed) = (without, true),
@@ -107,13 +110,8 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
         Err(Error::Stopped) => return Err(Error::Stopped),
         Err(_) => return Ok(None),
     };
-    let [before, after] = [refined, &without].map(|r| r.joint.bundle.evidence);
-    let (Some(before), Some(after)) = (before, after) else { return Ok(None) };
-    let gain = after.gain_over(&before);
     let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
-    if gain < needed {
-        return Ok(None);
-    }
+    let Some((gain, true)) = without.gain_over(refined, needed) else { return Ok(None) };
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
     if found.iter().all(|c| c.deviations() < CONTRADICTED) {
         return same_prior_from(matter, refined, &without);
@@ -125,16 +123,20 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
 /// The refinement with its priors as they are from where it came to without one of them, where that is better: it was another minimum,
 /// not the prior, that made the difference.
 fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) -> Result<Option<(f64, Refined)>, Error> {
-    let starts = vec![without.joint.bundle.state.clone()];
+    let mut start = without.joint.bundle.state.clone();
+    // What is held was perhaps free there.
+    let (unknowns, held_at) = (&refined.options.bundle.cameras[0], &refined.joint.bundle.cameras[0].state.numbers());
+    let numbers = start.cameras[0].numbers();
+    let back = (0..numbers.len().min(held_at.len())).filter(|&n| !unknowns.is_free(n));
+    start.cameras[0] = start.cameras[0].moved(back.map(|n| (n, held_at[n] - numbers[n])));
+    let starts = vec![start];
     let again = match matter.refined_again(refined, refined.solution.clone(), refined.options.clone(), starts) {
         Ok(again) => again,
         Err(Error::Stopped) => return Err(Error::Stopped),
         Err(_) => return Ok(None),
     };
-    let [before, after] = [refined, &again].map(|r| r.joint.bundle.evidence);
-    let (Some(before), Some(after)) = (before, after) else { return Ok(None) };
-    let gain = after.gain_over(&before);
-    Ok((gain > BETTER_MINIMUM).then_some((gain, again)))
+    let gained = again.gain_over(refined, BETTER_MINIMUM);
+    Ok(gained.and_then(|(gain, better)| better.then_some((gain, again))))
 }
 
 /// The options with the priors of some numbers wide; `None`: there is nothing to release.

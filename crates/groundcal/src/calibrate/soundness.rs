@@ -9,7 +9,7 @@ use crate::{
     error::Error,
     geometry::{intrinsics::Intrinsics, size::ImageSize},
     ids::{PairId, ViewId},
-    numerics::{levenberg_marquardt::StopReason, statistics::median},
+    numerics::statistics::median,
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::SceneModel,
@@ -18,8 +18,6 @@ use crate::{
     start::linear_camera::{CameraSolution, solve_camera_until},
 };
 
-/// What a further step may still gain where the loop did not end by itself: a fifth of a deviation.
-const LEFT_TO_GAIN: f64 = 0.02;
 /// Largest variance of the residuals in units of the matching noise: five times its deviation. (Of a real panorama whose lens is not quite
 /// that of the model, and which is right to 0.05 %, it is 4.4.)
 const MAX_VARIANCE: f64 = 25.0;
@@ -118,7 +116,7 @@ fn unsound(reason: String) -> Error {
 /// [`Error::Unsound`].
 pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Error> {
     let bundle = &joint.bundle;
-    if bundle.stop != StopReason::Converged && bundle.left_to_gain > LEFT_TO_GAIN {
+    if !joint.has_converged() {
         return Err(unsound(format!(
             "the joint refinement had not converged after {} steps (fx {:.0} px)",
             bundle.iterations, joint.intrinsics.fx

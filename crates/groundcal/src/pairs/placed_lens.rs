@@ -4,7 +4,7 @@
 //! pixel = K lens(ray),     ideal pixel ~ K ray
 //! ```
 //!
-//! Ideal pixels of a lens that sees behind the camera are homogeneous, with any third coordinate; see [`super::ray_match`].
+//! Ideal pixels of a lens that sees behind the camera are homogeneous, with any third coordinate; see `pairs::ray_match`.
 
 use nalgebra::{Vector2, Vector3};
 

@@ -152,6 +152,7 @@ impl Setting {
             scene: SceneModel::Floor,
             tracks: &tracks,
             state: &state,
+            stray_frames: &[],
             departures: &[],
             cameras: &[unknowns],
             huber: self.options.huber,

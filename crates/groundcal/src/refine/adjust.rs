@@ -115,6 +115,7 @@ impl<'a> Rounds<'a> {
             tracks,
             state: first,
             cameras: &options.cameras,
+            stray_frames: &options.stray_frames,
             departures: &options.departures,
             huber,
         });
@@ -230,6 +231,7 @@ impl<'a> Rounds<'a> {
             rig: solution.rig(),
             groups: solution.groups(),
             views: solution.views(tracks, &squared_residuals),
+            stray_frames: problem.stray_frames.clone(),
             attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..components.attitude },
             height_sigma: Component { sigma: problem.height_sigma, ..components.height },
             departure_sigmas: std::array::from_fn(|k| Component {

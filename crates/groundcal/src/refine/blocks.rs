@@ -333,6 +333,10 @@ impl CameraUnknowns {
     }
 }
 
+/// Deviation, about each axis, of the attitude of a frame that strayed from the others': a tripod leg that slipped, a head knocked, a
+/// pair of another attitude.
+pub const STRAY_SIGMA_RAD: f64 = 0.05;
+
 /// Options of the joint refinement.
 #[derive(Debug, Clone)]
 pub struct BundleOptions {
@@ -345,6 +349,8 @@ pub struct BundleOptions {
     pub attitude_scale_rad: f64,
     /// σ_h, relative; `None`: estimated.
     pub height_sigma: Option<f64>,
+    /// Frames whose attitudes do not count among those that σ_a is of: they strayed by their own means, by up to [`STRAY_SIGMA_RAD`].
+    pub stray_frames: Vec<usize>,
     /// Departures of the frames' pictures that are estimated, each with a deviation of its own.
     pub departures: Vec<DepartureKind>,
     /// Residuals beyond this many standard deviations count less.
@@ -379,6 +385,7 @@ impl BundleOptions {
             attitude_sigma_rad: None,
             attitude_scale_rad: 0.1f64.to_radians(),
             height_sigma: None,
+            stray_frames: Vec::new(),
             departures: Vec::new(),
             huber: Self::HUBER,
             rounds: 10,

@@ -142,6 +142,8 @@ pub struct Bundle {
     pub groups: Vec<GroupEstimate>,
     /// One a frame; `None` for frames without tracks.
     pub views: Vec<Option<ViewEstimate>>,
+    /// Frames whose attitudes strayed, which its σ_a is not of.
+    pub stray_frames: Vec<usize>,
     /// Deviation of the frames' attitudes, radians.
     pub attitude_sigma: Component,
     /// Relative deviation of the frames' heights.

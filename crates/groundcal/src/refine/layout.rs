@@ -89,6 +89,8 @@ pub struct Ingredients<'a> {
     pub state: &'a State,
     /// What of the cameras is estimated.
     pub cameras: &'a [CameraUnknowns],
+    /// Frames whose attitudes strayed.
+    pub stray_frames: &'a [usize],
     /// What of the frames' departures is estimated.
     pub departures: &'a [DepartureKind],
     /// Deviation of residuals beyond which they count less.

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use crate::{
     numerics::levenberg_marquardt::LeastSquares,
     refine::{
-        blocks::{CameraUnknowns, Departure, DepartureKind, FRAME_POSE, GROUP_HEIGHT, State},
+        blocks::{CameraUnknowns, Departure, DepartureKind, FRAME_POSE, GROUP_HEIGHT, STRAY_SIGMA_RAD, State},
         elimination::{Part, Reduced, TrackRows},
         layout::{Cluster, Ingredients, Layout, cluster, lay_out},
         residual::{Pose, Projector, SceneModel, project_with_derivatives, tangent_of},
@@ -60,6 +60,8 @@ pub struct Problem {
     pub(crate) cameras: Vec<CameraUnknowns>,
     /// Deviation of each frame's attitude about each of two axes, radians.
     pub attitude_sigma_rad: f64,
+    /// Frames whose attitudes have a deviation of their own.
+    pub(crate) stray_frames: Vec<usize>,
     /// Relative deviation of each frame's height from that of its group.
     pub height_sigma: f64,
     /// Departures that are estimated.
@@ -134,6 +136,7 @@ impl Problem {
             first,
             cameras: i.cameras.to_vec(),
             attitude_sigma_rad: STIFF,
+            stray_frames: i.stray_frames.to_vec(),
             height_sigma: 1.0,
             departures_estimated: i.departures.to_vec(),
             departure_sigmas: [1.0; DepartureKind::ALL.len()],
@@ -204,8 +207,17 @@ impl Problem {
         Some(points)
     }
 
-    /// Deviations of the frames' attitudes from those of their groups.
+    /// Deviations of the frames' attitudes from those of their groups, but for the frames that strayed.
     pub(crate) fn attitude_deviations(&self, state: &State) -> Vec<Deviation> {
+        self.attitudes_of_frames(state, |frame| !self.stray_frames.contains(&frame))
+    }
+
+    /// The same of the frames that strayed.
+    fn stray_deviations(&self, state: &State) -> Vec<Deviation> {
+        self.attitudes_of_frames(state, |frame| self.stray_frames.contains(&frame))
+    }
+
+    fn attitudes_of_frames(&self, state: &State, wanted: impl Fn(usize) -> bool) -> Vec<Deviation> {
         let of_frame = |(v, f): (usize, &crate::refine::blocks::FrameState)| {
             let block = &self.layout.frames[v];
             let deviation = |axis: usize| {
@@ -213,7 +225,7 @@ impl Problem {
             };
             [deviation(0), deviation(1)]
         };
-        state.frames.iter().enumerate().flat_map(of_frame).flatten().collect()
+        state.frames.iter().enumerate().filter(|(v, _)| wanted(*v)).flat_map(of_frame).flatten().collect()
     }
 
     /// Deviations of the frames' heights from those of their groups. The height of a unit is 1: what it strays from its group's is
@@ -257,6 +269,7 @@ impl Problem {
         }
         let with = |sigma: f64| move |d: Deviation| (d, sigma.max(STIFF));
         out.extend(self.attitude_deviations(state).into_iter().map(with(self.attitude_sigma_rad)));
+        out.extend(self.stray_deviations(state).into_iter().map(with(STRAY_SIGMA_RAD)));
         out.extend(self.height_deviations(state).into_iter().map(with(self.height_sigma)));
         for (kind, sigma) in DepartureKind::ALL.into_iter().zip(self.departure_sigmas) {
             out.extend(self.departures(state, kind).into_iter().map(with(sigma)));

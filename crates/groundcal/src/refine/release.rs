@@ -38,6 +38,7 @@ pub(crate) fn released(problem: &Problem, tracks: &[Track], state: &State) -> Op
                 tracks,
                 state,
                 cameras: &cameras,
+                stray_frames: &problem.stray_frames,
                 departures: &problem.departures_estimated,
                 huber: problem.huber,
             };

@@ -59,6 +59,13 @@ pub enum Warning {
         /// Standard deviation of each attitude that the error bars allow for, degrees.
         sigma_deg: f64,
     },
+    /// A motion was left out because no camera explains it and the others together.
+    MotionLeftOut {
+        /// First image.
+        from: String,
+        /// Second image.
+        to: String,
+    },
     /// Planes shared by views of different attitudes are mostly not the floor of both.
     FloorsContradict {
         /// Pairs whose plane is the floor of both.
@@ -192,6 +199,7 @@ impl Warning {
             Warning::SingleMotion => "single_motion",
             Warning::SingleAttitude { .. } => "single_attitude",
             Warning::MotionStrays { .. } => "motion_strays",
+            Warning::MotionLeftOut { .. } => "motion_left_out",
             Warning::FloorsContradict { .. } => "floors_contradict",
             Warning::ParallelHorizons { .. } => "parallel_horizons",
             Warning::MotionsDisagree { .. } => "motions_disagree",
@@ -250,6 +258,10 @@ impl Warning {
             Warning::MotionStrays { from, to, apart_deg, sigma_deg } => format!(
                 "{from} and {to}: their attitudes differ by {apart_deg:.2} degrees, more than the {sigma_deg:.2} degrees of a view that \
                  the others show explain: the camera tilted between them, or they look at another plane"
+            ),
+            Warning::MotionLeftOut { from, to } => format!(
+                "{from} and {to} were left out: with them no camera explains all motions together. The camera tilted between them, they \
+                 look at another plane, or another motion is wrong that agrees with the rest by accident"
             ),
             Warning::ParallelHorizons { spread_deg } => format!(
                 "the camera's roll varies by {spread_deg:.1} degrees only: the horizons are nearly parallel and the principal point \
@@ -312,6 +324,7 @@ impl Warning {
             Warning::SingleMotion => vec![Remedy::MoreMotions],
             Warning::SingleAttitude { .. } => vec![Remedy::TiltOrRoll { deg: 20.0 }],
             Warning::FloorsContradict { .. } => vec![Remedy::NamePairs, Remedy::RetakeMotion],
+            Warning::MotionLeftOut { .. } => vec![Remedy::RetakeMotion, Remedy::NamePairs],
             Warning::MotionStrays { .. } => vec![Remedy::LeavePairOut, Remedy::RetakeMotion],
             Warning::ParallelHorizons { .. } => vec![Remedy::RollCamera { deg: 30.0 }],
             Warning::MotionsDisagree { .. } => {
@@ -459,6 +472,7 @@ mod tests {
             Warning::SingleAttitude { motions: 2, doubt: Some(doubt) },
             Warning::SingleAttitude { motions: 1, doubt: None },
             Warning::MotionStrays { from: "a".into(), to: "b".into(), apart_deg: 1.0, sigma_deg: 0.1 },
+            Warning::MotionLeftOut { from: "a".into(), to: "b".into() },
             Warning::FloorsContradict { agree: 1, contradict: 3 },
             Warning::ParallelHorizons { spread_deg: 2.0 },
             Warning::MotionsDisagree { chi_squared: 30.0, degrees_of_freedom: 4, widened: 2.7 },

@@ -52,6 +52,8 @@ pub(crate) enum Rejection {
         /// Distance of the attitudes in standard deviations.
         sigmas: f64,
     },
+    /// With it no camera explains all motions together, and its points were furthest from the one that came out.
+    LeftOut,
     /// No rotation under the camera that makes rotations of the others.
     NoRotation,
 }
@@ -101,8 +103,14 @@ impl Selection {
 
     /// The same without a pair, which agrees with no camera.
     pub(crate) fn without(mut self, id: PairId) -> Self {
-        self.verdicts[id.index()] = PairVerdict::Rejected(Rejection::Disagrees { sigmas: f64::INFINITY });
+        self.verdicts[id.index()] = PairVerdict::Rejected(Rejection::LeftOut);
         self
+    }
+
+    /// Pairs that the selection had and the refinement did without.
+    pub(crate) fn left_out(&self) -> impl Iterator<Item = PairId> {
+        let left_out = |verdict: &PairVerdict| matches!(verdict, PairVerdict::Rejected(Rejection::LeftOut));
+        self.verdicts.iter().enumerate().filter(move |(_, v)| left_out(v)).map(|(index, _)| PairId::new(index))
     }
 
     /// The same without the pairs that no longer show a turn, having been looked at again.

@@ -124,3 +124,48 @@ fn matches_behind_the_camera_do_not_stop_the_refinement() {
     let sigma = right.standard_deviation(Parameter::Fx).expect("estimated");
     assert!((c.camera.fx - right.camera.fx).abs() < sigma, "{} {}", c.camera.fx, right.camera.fx);
 }
+
+#[test]
+fn a_motion_that_tilted_is_named_and_widens_no_other() {
+    for (seed, tilt_deg) in [[1.0, 0.0], [-3.0, 1.0], [0.0, 5.0], [0.5, 0.5]].into_iter().enumerate() {
+        let six = [ATTITUDES[0], ATTITUDES[1], ATTITUDES[2], ATTITUDES[3], [38.0, -50.0, 20.0], [60.0, 15.0, -30.0]];
+        let mut scene = scene(&six, 600.0, 0.0, 60 + seed as u64);
+        // A hundredth of a degree, and one that is none.
+        for (i, motion) in scene.motions.iter_mut().enumerate() {
+            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            motion.attitude_error_rad = [sign * 2e-4, -sign * 1e-4];
+        }
+        let right = calibrate_named(&scene);
+        scene.motions[2].attitude_error_rad = tilt_deg.map(f64::to_radians);
+        let c = calibrate_named(&scene);
+        let strays = |c: &Calibration| {
+            let of = |w: &Warning| matches!(w, Warning::MotionStrays { from, .. } if from == "4").then_some(());
+            (
+                c.warnings.iter().filter_map(of).count(),
+                c.warnings.iter().filter(|w| w.code() == "motion_strays").count(),
+            )
+        };
+        let [sigma, before] = [&c, &right].map(|c| c.standard_deviation(Parameter::Fx).expect("estimated"));
+        let off = worst(&c, &scene);
+        println!(
+            "{tilt_deg:?} degrees: fx {:.2} +- {sigma:.3}, before {before:.3}, {off:.1} deviations off at most",
+            c.camera.fx
+        );
+        assert_eq!(strays(&right), (0, 0));
+        // Half a degree may be one of the deviations of all, and the error bars then hold it.
+        if tilt_deg[0].hypot(tilt_deg[1]) >= 1.0 {
+            assert_eq!(strays(&c), (1, 1), "{tilt_deg:?}");
+        }
+        assert!(off < 3.9 && sigma < 1.5 * before, "{off} deviations, {sigma} for {before}");
+        assert!(c.attitude_sigma_deg < 0.2, "{} degrees", c.attitude_sigma_deg);
+    }
+}
+
+/// With its pairs named as motions.
+fn calibrate_named(scene: &PointScene) -> Calibration {
+    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
+    let motions = (0..pairs.len()).map(|i| (2 * i, 2 * i + 1)).collect();
+    let options = Options { pairs: Some(motions), ..Options::default() };
+    calibrate_matches(&names, scene.size, &pairs, &options, &Silent).expect("a camera")
+}

@@ -1,0 +1,52 @@
+//! Frames whose attitude strayed further than those of the others.
+//!
+//! ```text
+//! δ_i ~ N(0, σ_a²) of all frames but few,   δ_j ~ N(0, 0.05²) of frame j
+//! ```
+//!
+//! With one deviation for all, a single wrong motion (a tripod leg that slipped, a pair of another attitude) makes σ_a large for all and
+//! hides in it. So the frame that strays most is tried as one that does not count: σ_a is that of the others, and the evidence
+//! ([`crate::refine::Bundle`]) says whether that is the better account, the wide prior of the one having its price.
+
+use crate::{
+    calibrate::matter::{Matter, Refined},
+    error::Error,
+};
+
+/// Deviation of attitudes, radians, from which on one that strays is looked for: camera heads keep theirs to a few hundredths of a degree.
+const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
+/// Most frames that stray, as a fraction of all: with more there is no telling which are the strays.
+const MOST_STRAY: f64 = 0.25;
+
+/// The refinement in which the frame that strays most is one that does not count; with it twice the logarithm of the odds.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(super) fn with_stray_frame(
+    matter: &Matter<'_>,
+    refined: &Refined,
+    needed: f64,
+) -> Result<Option<(f64, Refined)>, Error> {
+    let bundle = &refined.joint.bundle;
+    let mut options = refined.options.clone();
+    let strays = &mut options.bundle.stray_frames;
+    let all = bundle.state.frames.len();
+    let suspect = bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA && options.bundle.attitude_sigma_rad.is_none();
+    if !suspect || (strays.len() + 1) as f64 > MOST_STRAY * all as f64 {
+        return Ok(None);
+    }
+    let squared = |frame: usize| bundle.state.frames[frame].delta_rad.iter().map(|d| d * d).sum::<f64>();
+    let candidates = (0..all).filter(|frame| !strays.contains(frame));
+    let Some(frame) = candidates.max_by(|a, b| squared(*a).total_cmp(&squared(*b))) else { return Ok(None) };
+    strays.push(frame);
+    options.bundle = options.bundle.for_trial();
+    let starts = vec![bundle.state.clone()];
+    let mut with = match matter.refined_again(refined, refined.solution.clone(), options, starts) {
+        Ok(with) => with,
+        Err(Error::Stopped) => return Err(Error::Stopped),
+        Err(_) => return Ok(None),
+    };
+    let Some((gain, true)) = with.gain_over(refined, needed) else { return Ok(None) };
+    with.strays.push((frame, gain));
+    Ok(Some((gain, with)))
+}
