@@ -143,7 +143,7 @@ impl From<groundcal_lab::error::LabError> for CliError {
     fn from(error: groundcal_lab::error::LabError) -> Self {
         use groundcal_lab::error::LabError;
         match error {
-            LabError::Calibration(error) => CliError::Calibration(error),
+            LabError::Calibration(error) => error.into(),
             LabError::Files(error) => error.into(),
             other => CliError::Other(other.to_string()),
         }

@@ -121,4 +121,8 @@ impl groundcal_lab::progress::Progress for Bar {
     fn finish(&self) {
         self.0.finish_and_clear();
     }
+
+    fn stopped(&self) -> bool {
+        interrupt::requested().is_some()
+    }
 }

@@ -8,6 +8,10 @@ pub trait Progress: Sync {
     fn advance(&self);
     /// No more steps come.
     fn finish(&self);
+    /// Whether the work is to stop. Asked before every step of a study.
+    fn stopped(&self) -> bool {
+        false
+    }
 }
 
 /// Says nothing.

@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 
 pub mod canvas;
+pub mod compare;
 pub mod comparison;
 pub mod error;
 pub mod html;

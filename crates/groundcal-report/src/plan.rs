@@ -14,21 +14,18 @@ use crate::{
 /// Room for the number of a shot.
 const INDENT: usize = 4;
 
-/// The plan as a shot list; `calibrate` is the command for the pictures.
-pub fn text(report: &PlanReport, calibrate: &str, width: usize) -> String {
+/// The plan as a shot list; `then` says what to do with the pictures.
+pub fn text(report: &PlanReport, then: &str, width: usize) -> String {
     let (double, single) = (rule('=', width), rule('-', width));
     let title = format!("groundcal {}: capture plan", env!("CARGO_PKG_VERSION"));
-    let all = if report.before.is_some() { " (old and new pictures together)" } else { "" };
     format!(
-        "{}\n{double}\n{}{single}\n{}{single}\n{}{single}\n{}{}\nThen: {calibrate} --out result/{all}\n\
-         and:  groundcal plan --rig {} --after result/\n",
+        "{}\n{double}\n{}{single}\n{}{single}\n{}{single}\n{}{}\n{then}\n",
         centred(&title, width),
         facts(&assumptions(report), width),
         shots(report, width),
         deviations(report, width),
         priors(report).text(width),
         warnings(report, width),
-        report.rig.name.replace(' ', "-")
     )
 }
 

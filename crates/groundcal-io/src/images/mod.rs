@@ -1,8 +1,9 @@
 //! Images in: files to grey values.
 //!
 //! `decode` turns a file into samples as stored (`stored`), through `tiff`, `jpeg` (with `jpeg_scan`) and `convert` where the `image`
-//! crate does not do; `range` says which values are black and white; `grey` makes one number of each pixel.
+//! crate does not do; `range` says which values are black and white; `grey` makes one number of each pixel. `array`: pictures that are in memory already.
 
+mod array;
 mod convert;
 mod decode;
 mod grey;
@@ -13,8 +14,9 @@ mod read;
 mod stored;
 mod tiff;
 
+pub use array::{ArrayImage, Pixels};
 pub use range::{ValueRange, ValueRanges};
-pub use read::{Images, read_image, read_image_bytes, read_images, read_stored};
+pub use read::{Arrays, Images, read_image, read_image_bytes, read_images, read_images_until, read_stored};
 pub use stored::{Samples, StoredImage};
 
 #[cfg(test)]

@@ -9,7 +9,10 @@
 //! value; where lo..hi is less than an eighth of that, lo..hi itself is the range, a twentieth wider on both sides.
 
 use crate::{
-    images::stored::{Samples, StoredImage},
+    images::{
+        array::Pixels,
+        stored::{Samples, StoredImage},
+    },
     note::Note,
 };
 
@@ -64,6 +67,15 @@ pub(crate) fn kind(image: &StoredImage) -> Option<Kind> {
     }
 }
 
+/// The same of samples.
+pub(crate) fn kind_of_pixels(pixels: Pixels) -> Option<Kind> {
+    match pixels {
+        Pixels::U8(_) => None,
+        Pixels::U16(_) => Some(Kind::Integer),
+        Pixels::F32(_) => Some(Kind::Float),
+    }
+}
+
 /// Some values of the images of a run, alpha left out, and the greatest of all.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Values {
@@ -74,6 +86,16 @@ pub(crate) struct Values {
 impl Values {
     /// Of one image.
     pub(crate) fn of(image: &StoredImage) -> Self {
+        let pixels = match &image.samples {
+            Samples::U8(data) => Pixels::U8(data),
+            Samples::U16(data) => Pixels::U16(data),
+            Samples::F32(data) => Pixels::F32(data),
+        };
+        Self::of_pixels(pixels, image.channels)
+    }
+
+    /// Of samples with so many channels.
+    pub(crate) fn of_pixels(pixels: Pixels, channels: usize) -> Self {
         fn taken<T: Copy>(data: &[T], channels: usize, value: impl Fn(T) -> f32) -> Values {
             let colours = if channels <= 2 { 1 } else { 3 };
             let pixels = data.len() / channels.max(1);
@@ -84,10 +106,10 @@ impl Values {
             let some = data.chunks_exact(channels).step_by(stride).flat_map(|p| p[..colours].iter().map(|v| value(*v)));
             Values { some: some.collect(), greatest: f64::from(greatest) }
         }
-        match &image.samples {
-            Samples::U8(data) => taken(data, image.channels, f32::from),
-            Samples::U16(data) => taken(data, image.channels, f32::from),
-            Samples::F32(data) => taken(data, image.channels, |v| v),
+        match pixels {
+            Pixels::U8(data) => taken(data, channels, f32::from),
+            Pixels::U16(data) => taken(data, channels, f32::from),
+            Pixels::F32(data) => taken(data, channels, |v| v),
         }
     }
 

@@ -2,12 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use groundcal::vision::image::GrayImage;
+use groundcal::{
+    error::Error,
+    observer::{Observer, Silent},
+    vision::image::GrayImage,
+};
 use rayon::prelude::*;
 
 use crate::{
     error::IoError,
     images::{
+        array::ArrayImage,
         decode::ImageFiles,
         grey,
         range::{self, Kind, Ranges, Values},
@@ -30,7 +35,15 @@ pub struct Images {
 /// # Errors
 /// [`IoError::File`] for a file that is no image, or damaged beyond use, or too large.
 pub fn read_images(files: &[PathBuf]) -> Result<Images, IoError> {
-    read_with(&ImageFiles::new(), files)
+    read_images_until(files, &Silent)
+}
+
+/// The same, until the observer asks to stop: before the next file.
+///
+/// # Errors
+/// As [`read_images`]; [`Error::Stopped`].
+pub fn read_images_until(files: &[PathBuf], observer: &dyn Observer) -> Result<Images, IoError> {
+    read_with(&ImageFiles::new(), files, observer)
 }
 
 /// An image as it is stored, in its own depth, upright; notes are in it.
@@ -86,10 +99,18 @@ fn loaded(path: &Path, mut image: StoredImage) -> Result<Loaded, IoError> {
     Ok(Loaded { grey, kind, values, notes })
 }
 
-pub(crate) fn read_with(reader: &ImageFiles, files: &[PathBuf]) -> Result<Images, IoError> {
-    let all: Vec<Result<Loaded, IoError>> =
-        files.par_iter().map(|f| reader.read(f).and_then(|image| loaded(f, image))).collect();
-    let mut all: Vec<Loaded> = all.into_iter().collect::<Result<_, _>>()?;
+pub(crate) fn read_with(reader: &ImageFiles, files: &[PathBuf], observer: &dyn Observer) -> Result<Images, IoError> {
+    let one = |file: &PathBuf| {
+        if observer.stopped() {
+            return Err(IoError::Calibration(Error::Stopped));
+        }
+        reader.read(file).and_then(|image| loaded(file, image))
+    };
+    let all: Vec<Result<Loaded, IoError>> = files.par_iter().map(one).collect();
+    Ok(in_one_range(all.into_iter().collect::<Result<_, _>>()?))
+}
+
+fn in_one_range(mut all: Vec<Loaded>) -> Images {
     let mut notes: Vec<Note> = all.iter_mut().flat_map(|l| std::mem::take(&mut l.notes)).collect();
     let mut ranges = Ranges::default();
     for one in &all {
@@ -98,5 +119,47 @@ pub(crate) fn read_with(reader: &ImageFiles, files: &[PathBuf]) -> Result<Images
     let ranges = ranges.found();
     all.par_iter_mut().for_each(|l| grey::in_range(l.grey.data_mut(), l.kind, &ranges));
     notes.extend(ranges.notes());
-    Ok(Images { images: all.into_iter().map(|l| l.grey).collect(), notes })
+    Images { images: all.into_iter().map(|l| l.grey).collect(), notes }
+}
+
+/// Pictures in memory, collected one by one, as [`read_images`] would give them had they come from files.
+///
+/// ```
+/// use groundcal::geometry::size::ImageSize;
+/// use groundcal_io::images::{ArrayImage, Arrays, Pixels};
+///
+/// let blue = [255u8, 0, 0].repeat(12);
+/// let array = ArrayImage {
+///     name: "first",
+///     size: ImageSize::new(4, 3),
+///     channels: 3,
+///     blue_first: true,
+///     pixels: Pixels::U8(&blue),
+/// };
+/// let mut arrays = Arrays::default();
+/// arrays.add(&array)?;
+/// assert_eq!(arrays.finish().images[0].get(0, 0), 0.0722);
+/// # Ok::<(), groundcal_io::error::IoError>(())
+/// ```
+#[derive(Default)]
+pub struct Arrays(Vec<Loaded>);
+
+impl Arrays {
+    /// One more.
+    ///
+    /// # Errors
+    /// [`IoError::Input`] where the samples are not as many as its size says, or one is not finite.
+    pub fn add(&mut self, array: &ArrayImage) -> Result<(), IoError> {
+        let kind = range::kind_of_pixels(array.pixels);
+        let values = if kind.is_some() { Values::of_pixels(array.pixels, array.channels) } else { Values::default() };
+        let grey = GrayImage::from_rows(array.size, grey::grey_of_array(array))
+            .ok_or_else(|| IoError::Input(format!("{}: a pixel value is not a finite number", array.name)))?;
+        self.0.push(Loaded { grey, kind, values, notes: Vec::new() });
+        Ok(())
+    }
+
+    /// All of them, their values in one range.
+    pub fn finish(self) -> Images {
+        in_one_range(self.0)
+    }
 }

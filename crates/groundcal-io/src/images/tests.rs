@@ -4,6 +4,7 @@ use std::{
 };
 
 use groundcal::geometry::size::ImageSize;
+use groundcal::observer::Silent;
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use tiff::encoder::{TiffEncoder, TiffKindBig, colortype};
 
@@ -247,7 +248,7 @@ fn what_is_no_image_is_named() {
     let folder = Folder::new();
     let none = ImageFiles::with_converters(Vec::new());
     let says = |name: &str, bytes: &[u8], word: &str| {
-        let message = read_with(&none, &[folder.file(name, bytes)]).unwrap_err().to_string();
+        let message = read_with(&none, &[folder.file(name, bytes)], &Silent).unwrap_err().to_string();
         assert!(message.contains(word) && message.contains(name), "{message}");
     };
     says("a.heic", b"\0\0\0\x18ftypheic\0\0\0\0mif1heic....", "heif-convert 'a.heic' 'a.png'");
@@ -285,17 +286,17 @@ fn a_converter_is_used_where_there_is_one() {
         tools.file("heif-convert", format!("#!/bin/sh\ntest -f \"$1\" && cp '{}' \"$2\"\n", png.display()).as_bytes());
     std::fs::set_permissions(&tool, PermissionsExt::from_mode(0o755)).unwrap();
     let reader = ImageFiles::with_converters(vec![tools.0.path().to_path_buf()]);
-    let read = read_with(&reader, std::slice::from_ref(&heic)).unwrap();
+    let read = read_with(&reader, std::slice::from_ref(&heic), &Silent).unwrap();
     assert_eq!(read.images[0].width(), W as usize);
     assert!(read.notes[0].to_string().contains("read through heif-convert"), "{:?}", read.notes);
     // One tile of a larger picture is no picture.
     let mut tiled = std::fs::read(&heic).unwrap();
     tiled.extend(b"\0\0\0\x14ispe\0\0\0\0\0\0\x10\0\0\0\x0c\0");
     let tiled = folder.file("b.heic", &tiled);
-    let message = read_with(&reader, &[tiled]).unwrap_err().to_string();
+    let message = read_with(&reader, &[tiled], &Silent).unwrap_err().to_string();
     assert!(message.contains("one tile"), "{message}");
     std::fs::write(&tool, "#!/bin/sh\nexit 1\n").unwrap();
-    let message = read_with(&reader, &[heic]).unwrap_err().to_string();
+    let message = read_with(&reader, &[heic], &Silent).unwrap_err().to_string();
     assert!(message.contains("heif-convert cannot convert"), "{message}");
 }
 

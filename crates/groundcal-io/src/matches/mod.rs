@@ -16,6 +16,7 @@ use crate::{error::IoError, text::some_of};
 
 pub use pairs_csv::read_pairs;
 pub use point_pairs::PointPairs;
+pub use tracks_csv::{TracksOfImage, pairs_of_tracks};
 
 /// Which pairs of images are made of tracks.
 #[derive(Debug, Clone, Copy)]

@@ -58,6 +58,11 @@ impl Tracks {
             }
             Ok(())
         })?;
+        Ok(Self::of(&images, &tracks))
+    }
+
+    /// In natural order: what each image sees of the tracks, which have numbers by their names.
+    fn of(images: &HashMap<String, HashMap<usize, Sighting>>, tracks: &HashMap<String, usize>) -> Self {
         let mut ordered: Vec<(&String, usize)> = tracks.iter().map(|(name, number)| (name, *number)).collect();
         ordered.sort_by(|a, b| natural_order(a.0, b.0));
         let mut place = vec![0; ordered.len()];
@@ -72,7 +77,7 @@ impl Tracks {
             seen
         };
         let seen = names.iter().map(sorted).collect();
-        Ok(Self { names, track_count: tracks.len(), seen })
+        Self { names, track_count: tracks.len(), seen }
     }
 
     /// Sightings of the tracks that two images share, in the order of the tracks.
@@ -164,6 +169,43 @@ impl Tracks {
         let notes = note.into_iter().collect();
         Ok(PointPairs { names: self.names, pairs, neighbours_only, listed, notes })
     }
+}
+
+/// What an image sees of tracks: pairs of a track's name and its place there, in pixels.
+#[derive(Debug, Clone)]
+pub struct TracksOfImage {
+    /// Its name.
+    pub image: String,
+    /// Names of the tracks that it sees, each once.
+    pub tracks: Vec<String>,
+    /// Where it sees them, pixels.
+    pub points: Vec<[f64; 2]>,
+}
+
+/// Pairs of images that share tracks, as [`super::read_matches`] makes them of a table: all pairs up to so many images, else neighbours.
+///
+/// # Errors
+/// What is wrong with the tracks, in words.
+pub fn pairs_of_tracks(images: &[TracksOfImage], all_pairs_limit: usize) -> Result<PointPairs, String> {
+    let mut tracks: HashMap<String, usize> = HashMap::new();
+    let mut seen: HashMap<String, HashMap<usize, Sighting>> = HashMap::new();
+    for of in images {
+        let mut here = HashMap::with_capacity(of.tracks.len());
+        for (track, point) in of.tracks.iter().zip(&of.points) {
+            let next = tracks.len();
+            let number = *tracks.entry(track.clone()).or_insert(next);
+            if here.insert(number, (*point, 1.0)).is_some() {
+                return Err(format!("track {} appears twice in image {}", plain(track), plain(&of.image)));
+            }
+        }
+        if seen.insert(of.image.clone(), here).is_some() {
+            return Err(format!("image {} is there twice", plain(&of.image)));
+        }
+    }
+    if images.len() > MAX_IMAGES {
+        return Err(format!("more than {MAX_IMAGES} images. Give fewer at a time"));
+    }
+    Tracks::of(&seen, &tracks).near(all_pairs_limit)
 }
 
 /// A number with all of its bits mixed (SplitMix64).

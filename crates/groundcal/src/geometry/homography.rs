@@ -64,6 +64,27 @@ impl Homography {
 /// The covariance of the nine entries, row by row, of a matrix given in frame coordinates.
 pub type HomographyCovariance = SMatrix<f64, 9, 9>;
 
+/// From the covariance of the nine entries, row by row, of a matrix in pixels, of any scale, that of the same map in frame coordinates and
+/// of unit norm: G = N H N⁻¹, g = G / |G|, and to first order dg = (I - g gᵀ) (N ⊗ N⁻ᵀ) dh / |G|.
+///
+/// # Errors
+/// [`Error::InvalidInput`] where it is not finite.
+pub fn covariance_in_frame(
+    h_b_from_a: &Matrix3<f64>,
+    covariance: &HomographyCovariance,
+    frame: &Frame,
+) -> Result<HomographyCovariance, Error> {
+    let (n, back) = (frame.frame_matrix(), frame.pixel_matrix());
+    let g = n * h_b_from_a * back;
+    let norm = g.norm();
+    let moved = HomographyCovariance::from_fn(|a, b| n[(a / 3, b / 3)] * back[(b % 3, a % 3)]);
+    let unit = SMatrix::<f64, 9, 1>::from_fn(|a, _| g[(a / 3, a % 3)] / norm);
+    let jacobian = (HomographyCovariance::identity() - unit * unit.transpose()) * moved / norm;
+    let found = jacobian * covariance * jacobian.transpose();
+    let finite = found.iter().all(|v| v.is_finite());
+    finite.then_some(found).ok_or_else(|| Error::InvalidInput("a covariance is not finite".into()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -79,5 +100,28 @@ mod tests {
         assert!((back.matrix() - h.matrix()).norm() < 1e-10);
         assert!(Homography::new(Matrix3::zeros()).is_err());
         assert!(Homography::new(Matrix3::from_element(f64::NAN)).is_err());
+    }
+
+    #[test]
+    fn a_covariance_goes_into_the_frame_as_differences_do() {
+        let h = Matrix3::new(1.1, 0.2, 30.0, -0.1, 0.9, -20.0, 1e-4, -2e-4, 1.0) * 3.0;
+        let frame = Frame::new(crate::geometry::size::ImageSize::new(640, 480), None);
+        let unit = |h: &Matrix3<f64>| {
+            let g = frame.frame_matrix() * h * frame.pixel_matrix();
+            g / g.norm()
+        };
+        for entry in 0..9 {
+            let at: f64 = h[(entry / 3, entry % 3)];
+            let step = 1e-6 * (1.0 + at.abs());
+            let mut moved = h;
+            moved[(entry / 3, entry % 3)] += step;
+            let change = (unit(&moved) - unit(&h)) / step;
+            let mut covariance = HomographyCovariance::zeros();
+            covariance[(entry, entry)] = 1.0;
+            let found = covariance_in_frame(&h, &covariance, &frame).expect("finite");
+            let expected = HomographyCovariance::from_fn(|a, b| change[(a / 3, a % 3)] * change[(b / 3, b % 3)]);
+            assert!((found - expected).norm() < 1e-4 * expected.norm(), "{entry}: {found} {expected}");
+        }
+        assert!(covariance_in_frame(&h, &HomographyCovariance::from_element(f64::NAN), &frame).is_err());
     }
 }

@@ -5,9 +5,10 @@ use serde::Serialize;
 use crate::plan::{HEIGHT_SIGMA, Rig};
 
 /// What carries the camera.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Carrier {
     /// Tilts and rolls by hand; turned about its column or lifted and put down again.
+    #[default]
     Tripod,
     /// Turns and tilts, without roll.
     PanHead,

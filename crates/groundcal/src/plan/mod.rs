@@ -15,6 +15,7 @@ mod candidate;
 pub mod carriers;
 mod information;
 pub mod report;
+pub mod request;
 mod search;
 
 use nalgebra::DMatrix;

@@ -3,14 +3,13 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use groundcal::{geometry::size::ImageSize, plan::carriers::Carrier, start::linear_camera::GivenPrior};
+use groundcal::{
+    geometry::size::ImageSize,
+    plan::{carriers::Carrier, request::MAX_MOTIONS},
+    start::linear_camera::GivenPrior,
+};
 
 use crate::args::{ConstraintArg, DistortionArg, OverwriteArg, parse_point, parse_prior, parse_size};
-
-/// Standard deviation of each coordinate of a match where nothing is said, pixels.
-pub(crate) const DEFAULT_NOISE_PX: f64 = 0.3;
-/// Matches of two pictures that show the same floor from border to border, where nothing is said.
-pub(crate) const DEFAULT_POINTS: f64 = 300.0;
 
 /// `groundcal plan`.
 #[derive(Debug, Args)]
@@ -82,7 +81,7 @@ pub(crate) struct PlanArgs {
     pub(crate) points: Option<u32>,
 
     /// Motions (two pictures each) to plan [default: 4; after a calibration: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=50))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MAX_MOTIONS as i64))]
     pub(crate) motions: Option<u32>,
 
     /// What `calibrate` is going to assume of the camera matrix

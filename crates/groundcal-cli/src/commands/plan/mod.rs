@@ -1,19 +1,13 @@
 //! `groundcal plan`: which pictures to take, and how well the camera will be known from them.
 
-mod after;
 mod args;
 
 use std::fmt::Write;
 
 use clap::ValueEnum;
-use groundcal::{
-    calibrate::Options,
-    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    plan::{
-        PlanOptions, Planner,
-        carriers::{Carrier, CarrierMotion, MAX_TURN_DEG, turns_up_to_deg},
-        report::{ATTITUDE_SIGMA_DEG, PlanReport},
-    },
+use groundcal::plan::{
+    report::PlanReport,
+    request::{PlanRequest, RequestError},
 };
 use groundcal_io::{import::groundcal_json, outputs::Request};
 use groundcal_report::{number::short, plan, terminal};
@@ -24,11 +18,7 @@ use crate::{
     output::{self, Results, canvas_names},
     remedies::Flags,
 };
-use args::{DEFAULT_NOISE_PX, DEFAULT_POINTS};
-
 pub(crate) use args::PlanArgs;
-
-const DEFAULT_SIZE: ImageSize = ImageSize { width: 1280, height: 960 };
 
 /// Makes the plan, writes the files of `--out` and prints it.
 pub(crate) fn run(args: &PlanArgs) -> Result<(), CliError> {
@@ -48,7 +38,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<(), CliError> {
     if args.json {
         output::print_json(&json()?)?;
     } else {
-        output::print(&plan::text(&report, &command(&report, args), terminal::WIDTH))?;
+        output::print(&plan::text(&report, &then(&report, args), terminal::WIDTH))?;
     }
     if let Some(finished) = finished {
         finished.tell();
@@ -72,85 +62,41 @@ fn begin(args: &PlanArgs) -> Result<Option<Results>, CliError> {
     Results::begin(&request).map(Some)
 }
 
-fn positive(name: &str, value: f64, limit: f64) -> Result<f64, CliError> {
-    if value.is_finite() && value > 0.0 && value <= limit {
-        return Ok(value);
-    }
-    Err(CliError::Usage(format!("{name} {value}: give a number above 0, at most {limit}")))
-}
-
 fn report(args: &PlanArgs) -> Result<PlanReport, CliError> {
-    let carrier = Carrier::from(args.rig);
-    let known = args.after.as_deref().map(after::read).transpose()?;
-    let height_m = args.height_m.or(known.as_ref().and_then(|k| k.height_m())).unwrap_or(carrier.height_m());
-    let motion = motion(args, carrier, height_m)?;
-    let options = match &known {
-        Some(known) => known.options(args, &motion)?,
-        None => fresh(args, carrier, &motion)?,
+    let known = args.after.as_deref().map(groundcal_json::read).transpose()?;
+    let request = PlanRequest {
+        carrier: args.rig.into(),
+        image_size: args.image_size,
+        f_px: args.f,
+        hfov_deg: args.hfov_deg,
+        principal_point_px: args.principal_point,
+        tilts_deg: args.tilts_deg.as_ref().map(|a| a.0.clone()),
+        rolls_deg: args.rolls_deg.as_ref().map(|a| a.0.clone()),
+        max_turn_deg: args.max_turn_deg,
+        height_m: args.height_m,
+        axis_offset_m: args.axis_offset_m,
+        reach_m: args.reach_m,
+        noise_px: args.noise_px,
+        points: args.points.map(f64::from),
+        motions: args.motions.map(|n| n as usize),
+        constraint: args.constraint.into(),
+        priors: args.prior.clone(),
+        lens: args.distortion.into(),
+        attitude_sigma_deg: args.attitude_sigma_deg,
+        height_sigma: args.height_sigma,
     };
-    let covariance = known.as_ref().map(|k| &k.covariance);
-    let plan =
-        Planner::new(&options, covariance).and_then(|planner| planner.plan()).map_err(|e| match &args.after {
-            Some(path) => CliError::of_file_and_options(path, e),
-            None => e.into(),
-        })?;
-    Ok(PlanReport::new(motion, &options, plan, &Flags))
-}
-
-/// How the carrier moves: as usual, but for what the arguments say.
-fn motion(args: &PlanArgs, carrier: Carrier, height_m: f64) -> Result<CarrierMotion, CliError> {
-    let usual = carrier.motion(positive("--height-m", height_m, 1e5)?);
-    let max_turn = args.max_turn_deg.unwrap_or(MAX_TURN_DEG);
-    if !(0.0..=180.0).contains(&max_turn) {
-        return Err(CliError::Usage(format!("--max-turn-deg {max_turn}: give 0 to 180 degrees")));
-    }
-    let axis_offset_m = args.axis_offset_m.unwrap_or(usual.axis_offset_m);
-    if !(axis_offset_m.is_finite() && (0.0..=1e5).contains(&axis_offset_m)) {
-        return Err(CliError::Usage(format!("--axis-offset-m {axis_offset_m}: give 0 to 100000 metres")));
-    }
-    Ok(CarrierMotion {
-        tilts_deg: args.tilts_deg.as_ref().map_or(usual.tilts_deg, |a| a.0.clone()),
-        rolls_deg: args.rolls_deg.as_ref().map_or(usual.rolls_deg, |a| a.0.clone()),
-        turns_deg: turns_up_to_deg(max_turn),
-        axis_offset_m,
-        reach_m: positive("--reach-m", args.reach_m.unwrap_or(usual.reach_m), 1e7)?,
-        ..usual
+    request.report(known.as_ref(), &Flags).map_err(|error| match (error, &args.after) {
+        (RequestError::OutOfRange { field, value, expected }, _) => {
+            CliError::Usage(format!("--{} {value}: give {expected}", field.replace('_', "-")))
+        }
+        (RequestError::OfCalibration(error), Some(path)) => CliError::of_file(path, error),
+        (RequestError::Plan(error), Some(path)) => CliError::of_file_and_options(path, error),
+        (RequestError::OfCalibration(error) | RequestError::Plan(error), None) => error.into(),
     })
 }
 
-/// Without a calibration: a rough camera.
-fn fresh(args: &PlanArgs, carrier: Carrier, motion: &CarrierMotion) -> Result<PlanOptions, CliError> {
-    let size = args.image_size.unwrap_or(DEFAULT_SIZE);
-    let width = size.width as f64;
-    let f = match (args.f, args.hfov_deg) {
-        (Some(f), _) => positive("--f", f, 1e7)?,
-        (None, Some(degrees)) if (1.0..=170.0).contains(&degrees) => 0.5 * width / (0.5 * degrees).to_radians().tan(),
-        (None, Some(degrees)) => return Err(CliError::Usage(format!("--hfov-deg {degrees}: give 1 to 170 degrees"))),
-        (None, None) => width,
-    };
-    let [cx, cy] = Frame::new(size, args.principal_point).origin_px.into();
-    Ok(PlanOptions {
-        intrinsics: Intrinsics::square(f, cx, cy),
-        lens: Lens::None,
-        size,
-        rig: motion.rig(),
-        noise_px: args.noise_px.unwrap_or(DEFAULT_NOISE_PX),
-        points: args.points.map_or(DEFAULT_POINTS, f64::from),
-        motions: args.motions.unwrap_or(4) as usize,
-        calibration: Options {
-            constraint: args.constraint.into(),
-            principal_point_px: args.principal_point,
-            lens: args.distortion.into(),
-            priors: args.prior.clone(),
-            attitude_sigma_deg: Some(args.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG)),
-            height_sigma: Some(args.height_sigma.unwrap_or(carrier.height_sigma())),
-            ..Options::default()
-        },
-    })
-}
-
-/// The command that calibrates from the pictures of the plan.
-fn command(report: &PlanReport, args: &PlanArgs) -> String {
+/// The commands for the pictures of the plan.
+fn then(report: &PlanReport, args: &PlanArgs) -> String {
     let a = &report.assumed;
     let mut command = String::from("groundcal calibrate PICTURES/");
     if a.constraint != "auto" {
@@ -171,5 +117,9 @@ fn command(report: &PlanReport, args: &PlanArgs) -> String {
     if args.height_sigma.is_some() {
         let _ = write!(command, " --height-sigma {}", a.height_sigma);
     }
-    command
+    let all = if report.before.is_some() { " (old and new pictures together)" } else { "" };
+    format!(
+        "Then: {command} --out result/{all}\nand:  groundcal plan --rig {} --after result/",
+        report.rig.name.replace(' ', "-")
+    )
 }

@@ -34,15 +34,15 @@ pub fn run(study: Study, count: u32, seed: u64, progress: &dyn Progress) -> Resu
     let rows: Vec<Row> = conditions
         .into_iter()
         .map(|condition| {
-            let outcomes: Vec<Trial> = trials(count, progress, |number| trial(&condition, seed, number));
+            let outcomes: Vec<Trial> = trials(count, progress, |number| trial(&condition, seed, number))?;
             let methods = (0..Method::ALL.len()).map(|i| summarise(&outcomes, i));
-            Row {
+            Ok(Row {
                 condition,
                 fewest_matches: outcomes.iter().map(|t| t.fewest_matches).min().unwrap_or(0),
                 summaries: methods.chain([summarise_bound(&outcomes)]).collect(),
-            }
+            })
         })
-        .collect();
+        .collect::<Result<_, LabError>>()?;
     progress.finish();
     let mut page = String::new();
     // Writing to a string cannot fail.

@@ -1,9 +1,11 @@
 //! What a study gives, and what its reports share.
 
+use groundcal::error::Error;
 use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style};
 use rayon::prelude::*;
 
 use crate::{
+    error::LabError,
     progress::Progress,
     studies::radial::Spread,
     tables::{optional, six_digits_trimmed},
@@ -57,13 +59,23 @@ pub(crate) fn two_a_row(panels: Vec<Panel>) -> Vec<Vec<Panel>> {
 }
 
 /// Results of all trials, in order.
-pub(crate) fn trials<T: Send>(count: u32, progress: &dyn Progress, one: impl Fn(u64) -> T + Sync) -> Vec<T> {
+///
+/// # Errors
+/// [`Error::Stopped`] where it was asked for.
+pub(crate) fn trials<T: Send>(
+    count: u32,
+    progress: &dyn Progress,
+    one: impl Fn(u64) -> T + Sync,
+) -> Result<Vec<T>, LabError> {
     (0..u64::from(count))
         .into_par_iter()
         .map(|i| {
+            if progress.stopped() {
+                return Err(Error::Stopped.into());
+            }
             let out = one(i);
             progress.advance();
-            out
+            Ok(out)
         })
         .collect()
 }

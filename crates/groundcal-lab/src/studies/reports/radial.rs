@@ -35,7 +35,7 @@ pub fn run(count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput
     let mut rows = Vec::new();
     for &matches in &MATCHES {
         for &noise_px in &NOISE_PX {
-            let outcomes = trials(count, progress, |i| trial(noise_px, matches, seed, i));
+            let outcomes = trials(count, progress, |i| trial(noise_px, matches, seed, i))?;
             rows.extend(Method::ALL.iter().enumerate().map(|(m, &method)| Row {
                 method,
                 matches,

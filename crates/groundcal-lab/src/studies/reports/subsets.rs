@@ -50,10 +50,10 @@ pub fn run(count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput
     let sizes: Vec<OfSize> = SIZES
         .iter()
         .map(|&size| {
-            let all: Vec<Trial> = trials(count, progress, |i| trial(size, seed, i)).into_iter().flatten().collect();
-            summarise(size, &all)
+            let all: Vec<Trial> = trials(count, progress, |i| trial(size, seed, i))?.into_iter().flatten().collect();
+            Ok(summarise(size, &all))
         })
-        .collect();
+        .collect::<Result<_, LabError>>()?;
     progress.finish();
     Ok(StudyOutput { table: table(&sizes)?, figure: figure(&sizes, count), page: page(&sizes, count) })
 }

@@ -48,26 +48,31 @@ pub fn run(count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput
     let stray = |&m: &usize| (Varied::AxisError, m, AXIS_ERRORS_DEG.map(|e| (e, Setup::off_axis(e, m))).to_vec());
     let conditions = MATCHES.len() * (TURNS_DEG.len() + AXIS_ERRORS_DEG.len());
     progress.begin("transfer", conditions as u64 * u64::from(count));
-    let run = |(x, setup): (f64, Setup)| Condition { x, setup, spreads: spreads(&setup, count, seed, progress) };
+    let run = |(x, setup): (f64, Setup)| -> Result<Condition, LabError> {
+        Ok(Condition { x, setup, spreads: spreads(&setup, count, seed, progress)? })
+    };
     let series: Vec<Series> = MATCHES
         .iter()
         .map(turning)
         .chain(MATCHES.iter().map(stray))
-        .map(|(varied, matches, setups)| Series { varied, matches, points: setups.into_iter().map(run).collect() })
-        .collect();
+        .map(|(varied, matches, setups)| {
+            let points = setups.into_iter().map(run).collect::<Result<_, _>>()?;
+            Ok(Series { varied, matches, points })
+        })
+        .collect::<Result<_, LabError>>()?;
     progress.finish();
     Ok(StudyOutput { table: table(&series)?, figure: figure(&series, count), page: page(&series, count) })
 }
 
 /// The errors of each of [`Method::ALL`] under one condition.
-fn spreads(setup: &Setup, count: u32, seed: u64, progress: &dyn Progress) -> Vec<Spread> {
-    let outcomes = trials(count, progress, |i| trial(setup, seed, i));
+fn spreads(setup: &Setup, count: u32, seed: u64, progress: &dyn Progress) -> Result<Vec<Spread>, LabError> {
+    let outcomes = trials(count, progress, |i| trial(setup, seed, i))?;
     let of = |(m, method): (usize, &Method)| {
         // A bound is a deviation: the median error of an estimator at it.
         let unit = if *method == Method::Bound { HALF_NORMAL_MEDIAN } else { 1.0 };
         spread(&outcomes.iter().map(|o| o[m].map(|e| unit * e)).collect::<Vec<_>>())
     };
-    Method::ALL.iter().enumerate().map(of).collect()
+    Ok(Method::ALL.iter().enumerate().map(of).collect())
 }
 
 fn table(series: &[Series]) -> Result<Vec<u8>, LabError> {

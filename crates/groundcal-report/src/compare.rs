@@ -1,0 +1,237 @@
+//! How far one camera is from another: their numbers, all errors of both together, and the images of the same rays.
+
+use groundcal::{
+    error::Error,
+    geometry::{
+        camera::{self, INTRINSIC_NAMES},
+        camera_difference::{CameraDifference, camera_difference, significance},
+        intrinsics::Intrinsics,
+        lens::{Lens, Radtan},
+        size::ImageSize,
+    },
+    result::{Covariance, Parameter},
+};
+use nalgebra::{DMatrix, DVector};
+
+use crate::comparison::{ComparedCamera, Comparison, Comparisons, Joint, ParameterDifference, Reprojection};
+
+/// A camera to be compared.
+#[derive(Debug, Clone)]
+pub struct Camera {
+    /// Its file, or what it is called.
+    pub name: String,
+    /// Name of the file's format.
+    pub format: &'static str,
+    /// Width and height in pixels; `None`: not said, that of the others.
+    pub size: Option<ImageSize>,
+    /// Camera matrix in pixels.
+    pub intrinsics: Intrinsics,
+    /// Lens.
+    pub lens: Lens,
+    /// Covariance, where it has errors.
+    pub covariance: Option<Covariance<Parameter>>,
+}
+
+/// Why cameras cannot be compared.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CompareError {
+    /// None of them says the size of its images.
+    NoSize,
+    /// The first and this one have images of different shapes; in words.
+    Shapes(usize, String),
+    /// The library's word on the first and this one.
+    Camera(usize, Error),
+}
+
+/// The cameras, each against the first, and the differences themselves, for figures.
+///
+/// # Errors
+/// [`CompareError`].
+pub fn compare(cameras: &[Camera]) -> Result<(Comparisons, Vec<CameraDifference>), CompareError> {
+    let known = cameras.iter().find_map(|c| c.size).ok_or(CompareError::NoSize)?;
+    let [first, others @ ..] = cameras else { return Err(CompareError::NoSize) };
+    let report = |camera: &Camera, size: ImageSize| ComparedCamera {
+        file: camera.name.clone(),
+        format: camera.format,
+        image_size: [size.width, size.height],
+        lens: camera.lens.name(),
+    };
+    let reference = OfSize::of(first, known);
+    let size = reference.model.size;
+    let (mut comparisons, mut differences) = (Vec::new(), Vec::new());
+    for (i, other) in others.iter().enumerate().map(|(i, other)| (i + 1, other)) {
+        let (camera, scaled_from) =
+            scaled(OfSize::of(other, known), size).map_err(|what| CompareError::Shapes(i, what))?;
+        let difference = camera_difference(&reference.model, &camera.model).map_err(|e| CompareError::Camera(i, e))?;
+        comparisons.push(Comparison {
+            camera: report(other, size),
+            scaled_from,
+            parameters: parameters(&reference, &camera),
+            joint: joint(&reference, &camera),
+            reprojection: Reprojection::from(&difference),
+        });
+        differences.push(difference);
+    }
+    let all = Comparisons {
+        pixel_centre: "(0,0) is the centre of the top-left pixel",
+        reference: report(first, size),
+        comparisons,
+    };
+    Ok((all, differences))
+}
+
+/// A camera with a size that is known.
+#[derive(Clone)]
+struct OfSize {
+    model: camera::Camera,
+    covariance: Option<Covariance<Parameter>>,
+}
+
+impl OfSize {
+    fn of(camera: &Camera, known: ImageSize) -> Self {
+        let size = camera.size.unwrap_or(known);
+        let model = camera::Camera { size, intrinsics: camera.intrinsics, lens: camera.lens };
+        Self { model, covariance: camera.covariance.clone() }
+    }
+}
+
+/// The camera at the reference's image size, and the size it had.
+fn scaled(camera: OfSize, size: ImageSize) -> Result<(OfSize, Option<[usize; 2]>), String> {
+    let own = camera.model.size;
+    if own == size {
+        return Ok((camera, None));
+    }
+    let (sx, sy) = (size.width as f64 / own.width as f64, size.height as f64 / own.height as f64);
+    if !size.has_shape_of(own) {
+        return Err(format!(
+            "images of {size} and {own} pixels. Cameras can be compared at one size, or where one image is the other scaled as a \
+             whole (not cropped)"
+        ));
+    }
+    let factor = |p: Parameter| match p {
+        Parameter::Fx | Parameter::Cx | Parameter::Skew => sx,
+        Parameter::Fy | Parameter::Cy => sy,
+        Parameter::K1 | Parameter::K2 | Parameter::P1 | Parameter::P2 | Parameter::K3 => 1.0,
+    };
+    let covariance = camera.covariance.map(|mut c| {
+        c.scale(factor);
+        c
+    });
+    Ok((OfSize { model: camera.model.scaled_to(size), covariance }, Some([own.width, own.height])))
+}
+
+/// A camera's numbers by name, in their order. Without distortion a lens is Brown-Conrady's, all zero.
+fn numbers(camera: &camera::Camera) -> Vec<(&'static str, f64)> {
+    let lens = if camera.lens == Lens::None { Lens::Radtan(Radtan::default()) } else { camera.lens };
+    let camera = camera::Camera { lens, ..*camera };
+    camera.parameter_names().into_iter().zip(camera.parameters()).collect()
+}
+
+/// The numbers of both: name, that of the first, that of the second. Coefficients of different lens models have nothing in common.
+fn common_numbers(a: &OfSize, b: &OfSize) -> Vec<(&'static str, f64, f64)> {
+    let (of_a, of_b) = (numbers(&a.model), numbers(&b.model));
+    let same_model = of_a.iter().map(|(name, _)| name).eq(of_b.iter().map(|(name, _)| name));
+    let count = if same_model { of_a.len() } else { INTRINSIC_NAMES.len() };
+    of_a.iter().zip(&of_b).take(count).map(|((name, a), (_, b))| (*name, *a, *b)).collect()
+}
+
+/// Covariance of the difference of the common numbers: the sum, as the two are independent; a file without errors counts as exact.
+fn covariance_of_difference(a: &OfSize, b: &OfSize, names: &[&'static str]) -> DMatrix<f64> {
+    let known: Vec<Option<Parameter>> =
+        names.iter().map(|name| Parameter::ALL.into_iter().find(|p| p.name() == *name)).collect();
+    let all = |c: &OfSize| {
+        let n = Parameter::ALL.len();
+        c.covariance.as_ref().map_or(DMatrix::zeros(n, n), |m| m.of(&Parameter::ALL))
+    };
+    let sum = all(a) + all(b);
+    let at = |p: Parameter| Parameter::ALL.iter().position(|q| *q == p);
+    DMatrix::from_fn(names.len(), names.len(), |i, j| {
+        let place = known[i].and_then(at).zip(known[j].and_then(at));
+        place.map_or(0.0, |(i, j)| sum[(i, j)])
+    })
+}
+
+fn parameters(a: &OfSize, b: &OfSize) -> Vec<ParameterDifference> {
+    let numbers = common_numbers(a, b);
+    let names: Vec<&'static str> = numbers.iter().map(|n| n.0).collect();
+    let covariance = covariance_of_difference(a, b, &names);
+    let of = |(i, (parameter, reference, value)): (usize, (&'static str, f64, f64))| {
+        let variance = covariance[(i, i)];
+        let standard_deviation = (variance > 0.0).then(|| variance.sqrt());
+        let difference = value - reference;
+        ParameterDifference {
+            parameter,
+            unit: if i < INTRINSIC_NAMES.len() { "px" } else { "1" },
+            reference,
+            value,
+            difference,
+            standard_deviation,
+            difference_in_standard_deviations: standard_deviation.map(|s| difference / s),
+        }
+    };
+    numbers.into_iter().enumerate().map(of).collect()
+}
+
+fn joint(a: &OfSize, b: &OfSize) -> Option<Joint> {
+    let numbers = common_numbers(a, b);
+    let names: Vec<&'static str> = numbers.iter().map(|n| n.0).collect();
+    let covariance = covariance_of_difference(a, b, &names);
+    let difference = DVector::from_iterator(numbers.len(), numbers.iter().map(|(_, a, b)| b - a));
+    let s = significance(&difference, &covariance)?;
+    Some(Joint {
+        parameters: (0..names.len()).filter(|i| covariance[(*i, *i)] > 0.0).map(|i| names[i]).collect(),
+        chi_squared: s.chi_squared,
+        degrees_of_freedom: s.degrees_of_freedom,
+        p_value: s.p_value,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use groundcal::geometry::lens::Fisheye;
+
+    use super::*;
+
+    fn camera(width: usize, height: usize) -> OfSize {
+        let model = camera::Camera {
+            size: ImageSize::new(width, height),
+            intrinsics: Intrinsics::square(700.0, 400.0, 300.0),
+            lens: Lens::None,
+        };
+        let covariance = Covariance::from_fn(&[Parameter::Fx, Parameter::Fy], |i, j| [[4.0, 0.0], [0.0, 9.0]][i][j]);
+        OfSize { model, covariance: Some(covariance) }
+    }
+
+    #[test]
+    fn images_of_one_shape_are_scaled_and_others_refused() {
+        let (same, from) = scaled(camera(800, 600), ImageSize::new(800, 600)).unwrap();
+        assert_eq!((same.model.intrinsics.fx, from), (700.0, None));
+        let (half, from) = scaled(camera(800, 600), ImageSize::new(400, 300)).unwrap();
+        assert_eq!((half.model.intrinsics.fx, from), (350.0, Some([800, 600])));
+        assert_eq!(half.covariance.unwrap().variance(Parameter::Fx), 1.0);
+        // 1000 x 667 at a third is 333 x 222.
+        assert!(scaled(camera(1000, 667), ImageSize::new(333, 222)).is_ok());
+        let message = scaled(camera(800, 600), ImageSize::new(800, 450)).err().unwrap();
+        assert!(message.contains("800") && message.contains("450") && message.contains("cropped"), "{message}");
+    }
+
+    #[test]
+    fn errors_of_both_sides_add_up() {
+        let (a, mut b) = (camera(800, 600), camera(800, 600));
+        b.model.intrinsics.fx += 3.0;
+        let all = parameters(&a, &b);
+        assert_eq!(all[0].standard_deviation, Some(8f64.sqrt()));
+        assert_eq!(all[0].difference_in_standard_deviations, Some(3.0 / 8f64.sqrt()));
+        assert_eq!(all[2].standard_deviation, None);
+        // Another lens model leaves the camera matrix to be compared.
+        let fisheye =
+            OfSize { model: camera::Camera { lens: Lens::Fisheye(Fisheye::default()), ..b.model }, ..b.clone() };
+        let names = |a: &OfSize, b: &OfSize| parameters(a, b).iter().map(|p| p.parameter).collect::<Vec<_>>();
+        assert_eq!(names(&a, &fisheye), INTRINSIC_NAMES);
+        assert_eq!(names(&fisheye, &fisheye)[5..], ["k1", "k2", "k3", "k4"]);
+        assert_eq!(names(&a, &b)[5..], ["k1", "k2", "p1", "p2", "k3"]);
+        let j = joint(&a, &b).unwrap();
+        assert_eq!((j.parameters, j.degrees_of_freedom), (vec!["fx", "fy"], 2));
+        assert!((j.chi_squared - 9.0 / 8.0).abs() < 1e-12);
+    }
+}
