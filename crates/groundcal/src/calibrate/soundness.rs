@@ -12,7 +12,7 @@ use crate::{
     numerics::statistics::median,
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
-    refine::SceneModel,
+    refine::{SceneModel, blocks::MATRIX},
     remedy::Remedy,
     select::selection::Selection,
     start::linear_camera::{CameraSolution, solve_camera_until},
@@ -121,6 +121,10 @@ pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Erro
             "the joint refinement had not converged after {} steps (fx {:.0} px)",
             bundle.iterations, joint.intrinsics.fx
         )));
+    }
+    // A lens that is held because that was asked for leaves residuals that are its own; the bars are widened by them, and it is said.
+    if bundle.unknowns.first().is_some_and(|camera| !camera.is_free(MATRIX)) {
+        return check_field_of_view(&joint.intrinsics, size);
     }
     let variance = bundle.variance_factors.iter().copied().fold(0.0, f64::max);
     if variance > MAX_VARIANCE {
