@@ -12,7 +12,11 @@ use crate::{
     common::{at, calibrate, groundcal, matches_csv, read_json, root, write},
     readers::python,
 };
-use groundcal::synthetic::points::PointScene;
+use groundcal::{
+    geometry::lens::{Division, Fisheye, Lens, Radtan},
+    result::{DistortionReport, LensSource},
+    synthetic::points::PointScene,
+};
 
 /// Keywords that are understood here.
 const KEYWORDS: [&str; 20] = [
@@ -150,6 +154,18 @@ fn calibrations_are_as_their_schema_says() {
     for (of, value) in &all {
         assert_valid(&schema, value, of);
     }
+    // A lens of every model, as a camera has it.
+    for lens in [
+        Lens::None,
+        Lens::Radtan(Radtan::new([-0.1, 0.02, 1e-3, -1e-3, 0.01])),
+        Lens::Division(Division::new(-0.1)),
+        Lens::Fisheye(Fisheye::new([0.02, -0.01, 0.003, -0.0005])),
+    ] {
+        let mut json = all[0].1.clone();
+        let distortion = DistortionReport { lens, source: LensSource::Given };
+        json["camera"]["distortion"] = serde_json::to_value(&distortion).unwrap();
+        assert_valid(&schema, &json, lens.name());
+    }
     // What is wrong is seen.
     let broken = |pointer: &str, value: Value| {
         let mut json = all[0].1.clone();
@@ -164,6 +180,7 @@ fn calibrations_are_as_their_schema_says() {
         ("/method", Value::from("magic")),
         ("/fit/refinement", Value::from(3)),
         ("/schema_version", Value::from(1)),
+        ("/camera/distortion/model", Value::from("fish")),
     ] {
         assert_eq!(broken(pointer, value).len(), 1, "{pointer}");
     }
