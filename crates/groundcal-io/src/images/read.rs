@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::{
     error::IoError,
     images::{
-        array::ArrayImage,
+        array::{ArrayImage, Pixels},
         decode::ImageFiles,
         grey,
         range::{self, Kind, Ranges, Values},
@@ -148,8 +148,24 @@ impl Arrays {
     /// One more.
     ///
     /// # Errors
-    /// [`IoError::Input`] where the samples are not as many as its size says, or one is not finite.
+    /// [`IoError::Input`] where there are not 1 to 4 channels, the samples are not as many as the size says, or one is not finite.
     pub fn add(&mut self, array: &ArrayImage) -> Result<(), IoError> {
+        let samples = match array.pixels {
+            Pixels::U8(data) => data.len(),
+            Pixels::U16(data) => data.len(),
+            Pixels::F32(data) => data.len(),
+        };
+        let wrong = |what: String| Err(IoError::Input(format!("{}: {what}", array.name)));
+        if !(1..=4).contains(&array.channels) {
+            return wrong(format!("{} channels: 1 to 4 are read", array.channels));
+        }
+        if array.size.width.checked_mul(array.size.height).and_then(|n| n.checked_mul(array.channels)) != Some(samples)
+        {
+            return wrong(format!(
+                "{samples} samples are not those of {} pixels of {} channels",
+                array.size, array.channels
+            ));
+        }
         let kind = range::kind_of_pixels(array.pixels);
         let values = if kind.is_some() { Values::of_pixels(array.pixels, array.channels) } else { Values::default() };
         let grey = GrayImage::from_rows(array.size, grey::grey_of_array(array))

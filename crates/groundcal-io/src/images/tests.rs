@@ -9,7 +9,7 @@ use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use tiff::encoder::{TiffEncoder, TiffKindBig, colortype};
 
 use crate::{
-    images::{Samples, decode::ImageFiles, read::read_with, read_images, read_stored},
+    images::{ArrayImage, Arrays, Pixels, Samples, decode::ImageFiles, read::read_with, read_images, read_stored},
     note::Note,
     pictures::{Picture, PictureFormat, PictureReader},
 };
@@ -309,4 +309,23 @@ fn huge_images_are_refused() {
     assert!(message.contains("too large: 60000 x 60000"), "{message}");
     #[cfg(unix)]
     assert!(read_images(&["/dev/zero".into()]).unwrap_err().to_string().contains("a device"));
+}
+
+#[test]
+fn arrays_whose_samples_are_not_as_said_are_refused() {
+    let of = |width: usize, channels: usize, pixels: &[f32]| {
+        let size = ImageSize::new(width, 3);
+        let array = ArrayImage { name: "it", size, channels, blue_first: false, pixels: Pixels::F32(pixels) };
+        Arrays::default().add(&array).map_err(|error| error.to_string())
+    };
+    let samples = [0.5f32; 36];
+    assert!(of(4, 3, &samples).is_ok());
+    for (width, channels, what) in
+        [(4, 0, "0 channels"), (4, 5, "5 channels"), (4, 2, "36 samples"), (usize::MAX, 3, "36 samples")]
+    {
+        let message = of(width, channels, &samples).unwrap_err();
+        assert!(message.starts_with("it: ") && message.contains(what), "{message}");
+    }
+    let message = of(4, 3, &[f32::NAN; 36]).unwrap_err();
+    assert!(message.contains("not a finite number"), "{message}");
 }
