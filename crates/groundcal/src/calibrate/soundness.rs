@@ -122,8 +122,10 @@ pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Erro
             bundle.iterations, joint.intrinsics.fx
         )));
     }
-    // A lens that is held because that was asked for leaves residuals that are its own; the bars are widened by them, and it is said.
-    if bundle.unknowns.first().is_some_and(|camera| !camera.is_free(MATRIX)) {
+    // A camera that turns on the spot shows the error of a lens that the user holds in every pair alike: no motion is to blame, and
+    // the bars are widened by what is left.
+    let directions = bundle.scene == SceneModel::Directions;
+    if directions && bundle.unknowns.first().is_some_and(|camera| !camera.is_free(MATRIX)) {
         return check_field_of_view(&joint.intrinsics, size);
     }
     let variance = bundle.variance_factors.iter().copied().fold(0.0, f64::max);
@@ -134,7 +136,7 @@ pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Erro
         )));
     }
     let effect = bundle.design_effects.iter().copied().fold(0.0, f64::max);
-    if bundle.scene == SceneModel::Directions && effect > MAX_DIRECTIONS_DESIGN_EFFECT {
+    if directions && effect > MAX_DIRECTIONS_DESIGN_EFFECT {
         return Err(Error::Unsound {
             reason: format!(
                 "the images look like those of a camera turning on the spot, but neighbouring points move together by more than that allows \
