@@ -15,9 +15,7 @@ use crate::{
     result::{PictureDeparture, Warning},
 };
 
-/// Deviation of attitudes, radians, and design effect from which on departures are tried: a camera that stands still strays by
-/// a hundredth of a degree, and residuals of neighbours that have nothing in common have a design effect of 1.
-const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
+/// Design effect from which on departures are tried: residuals of neighbours that have nothing in common have 1.
 const SUSPECT_DESIGN_EFFECT: f64 = 1.0;
 
 /// The refinement with a kind of departure, where the tracks ask for it; with it twice the logarithm of the odds.
@@ -31,8 +29,7 @@ pub(super) fn with_departure(
     needed: f64,
 ) -> Result<Option<(f64, Refined)>, Error> {
     let bundle = &refined.joint.bundle;
-    let suspect = bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
-        || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
+    let suspect = refined.attitudes_stray() || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
     // A lens or attitudes that are held because that was asked for may be wrong, and pictures that depart could hide it.
     let asked = &refined.options.bundle;
     let held = asked.attitude_sigma_rad.is_some() || !asked.cameras[0].is_free(MATRIX);
@@ -41,16 +38,11 @@ pub(super) fn with_departure(
     }
     let mut options = refined.options.clone();
     options.bundle.departures.push(kind);
-    options.bundle = options.bundle.for_trial();
-    let starts = vec![bundle.state.clone()];
-    let mut with = match matter.refined_again(refined, refined.solution.clone(), options, starts) {
-        Ok(with) => with,
-        Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(_) => return Ok(None),
-    };
-    let Some((gain, true)) = with.gain_over(refined, needed) else { return Ok(None) };
-    with.departures.push((kind, gain));
-    Ok(Some((gain, with)))
+    let better = matter.better_with(refined, options, needed)?;
+    Ok(better.map(|(gain, mut with)| {
+        with.departures.push((kind, gain));
+        (gain, with)
+    }))
 }
 
 /// What is said of the departures found.

@@ -53,19 +53,27 @@ pub(super) struct Refined {
     pub(super) options: RefinementOptions,
     /// Priors that were released, and why.
     pub(super) conflicts: Vec<PriorConflict>,
-    /// Frames whose attitudes strayed, with twice the logarithm of the odds for each.
-    pub(super) strays: Vec<(usize, f64)>,
     /// Departures of the pictures that are estimated, with twice the logarithm of the odds for each.
     pub(super) departures: Vec<(DepartureKind, f64)>,
 }
 
+/// Deviation of attitudes, radians, from which on it is asked what else may have made them stray: a camera that stands still strays by a
+/// hundredth of a degree.
+const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
+
 impl Refined {
-    /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, and whether that is
-    /// more than `needed`. `None` where this one is no minimum; one that is needs no odds against one that is not.
-    pub(super) fn gain_over(&self, other: &Self, needed: f64) -> Option<(f64, bool)> {
+    /// Whether the attitudes stray by more than those of a camera that stands still.
+    pub(super) fn attitudes_stray(&self) -> bool {
+        self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
+    }
+
+    /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, where that is more than
+    /// `needed`. `None`, too, where this one is no minimum; one that is needs no odds against one that is not.
+    pub(super) fn gain_over(&self, other: &Self, needed: f64) -> Option<f64> {
         let (mine, others) = (self.joint.bundle.evidence?, other.joint.bundle.evidence?);
         let gain = mine.gain_over(&others);
-        self.joint.has_converged().then_some((gain, gain > needed || !other.joint.has_converged()))
+        let better = gain > needed || !other.joint.has_converged();
+        (self.joint.has_converged() && better).then_some(gain)
     }
 }
 
@@ -120,7 +128,42 @@ impl<'a> Matter<'a> {
 
     pub(super) fn refined(&self, mut joint: Joint, solution: CameraSolution, options: RefinementOptions) -> Refined {
         joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
-        Refined { joint, solution, options, conflicts: Vec::new(), strays: Vec::new(), departures: Vec::new() }
+        Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new() }
+    }
+
+    /// The same as an alternative that is tried: `None` where it comes to nothing.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] and no other.
+    pub(super) fn tried(
+        &self,
+        refined: &Refined,
+        solution: CameraSolution,
+        options: RefinementOptions,
+        starts: Vec<State>,
+    ) -> Result<Option<Refined>, Error> {
+        match self.refined_again(refined, solution, options, starts) {
+            Ok(tried) => Ok(Some(tried)),
+            Err(Error::Stopped) => Err(Error::Stopped),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// An alternative with other options, tried roughly from where the refinement came to, where its evidence is better by more than
+    /// `needed`; with it twice the logarithm of the odds.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] and no other.
+    pub(super) fn better_with(
+        &self,
+        refined: &Refined,
+        mut options: RefinementOptions,
+        needed: f64,
+    ) -> Result<Option<(f64, Refined)>, Error> {
+        options.bundle = options.bundle.for_trial();
+        let starts = vec![refined.joint.bundle.state.clone()];
+        let tried = self.tried(refined, refined.solution.clone(), options, starts)?;
+        Ok(tried.and_then(|with| Some((with.gain_over(refined, needed)?, with))))
     }
 
     /// Refined again on the very same tracks, under other options, from other starts.
@@ -137,7 +180,6 @@ impl<'a> Matter<'a> {
         let mut again = self.refined(joint, solution, options);
         (again.joint.cross_links, again.joint.floors) = (before.cross_links.clone(), before.floors);
         again.conflicts.clone_from(&refined.conflicts);
-        again.strays.clone_from(&refined.strays);
         again.departures.clone_from(&refined.departures);
         Ok(again)
     }

@@ -105,13 +105,9 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
     matter.observer.go_on()?;
     starts.extend(closed_form.as_ref().and_then(|solution| matter.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());
-    let mut without = match matter.refined_again(refined, solution, options, starts) {
-        Ok(without) => without,
-        Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(_) => return Ok(None),
-    };
+    let Some(mut without) = matter.tried(refined, solution, options, starts)? else { return Ok(None) };
     let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
-    let Some((gain, true)) = without.gain_over(refined, needed) else { return Ok(None) };
+    let Some(gain) = without.gain_over(refined, needed) else { return Ok(None) };
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
     if found.iter().all(|c| c.deviations() < CONTRADICTED) {
         return same_prior_from(matter, refined, &without);
@@ -130,13 +126,8 @@ fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) ->
     let back = (0..numbers.len().min(held_at.len())).filter(|&n| !unknowns.is_free(n));
     start.cameras[0] = start.cameras[0].moved(back.map(|n| (n, held_at[n] - numbers[n])));
     let starts = vec![start];
-    let again = match matter.refined_again(refined, refined.solution.clone(), refined.options.clone(), starts) {
-        Ok(again) => again,
-        Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(_) => return Ok(None),
-    };
-    let gained = again.gain_over(refined, BETTER_MINIMUM);
-    Ok(gained.and_then(|(gain, better)| better.then_some((gain, again))))
+    let again = matter.tried(refined, refined.solution.clone(), refined.options.clone(), starts)?;
+    Ok(again.and_then(|again| Some((again.gain_over(refined, BETTER_MINIMUM)?, again))))
 }
 
 /// The options with the priors of some numbers wide; `None`: there is nothing to release.

@@ -13,8 +13,6 @@ use crate::{
     error::Error,
 };
 
-/// Deviation of attitudes, radians, from which on one that strays is looked for: camera heads keep theirs to a few hundredths of a degree.
-const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
 /// Most frames that stray, as a fraction of all: with more there is no telling which are the strays.
 const MOST_STRAY: f64 = 0.25;
 
@@ -31,7 +29,7 @@ pub(super) fn with_stray_frame(
     let mut options = refined.options.clone();
     let strays = &mut options.bundle.stray_frames;
     let all = bundle.state.frames.len();
-    let suspect = bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA && options.bundle.attitude_sigma_rad.is_none();
+    let suspect = refined.attitudes_stray() && options.bundle.attitude_sigma_rad.is_none();
     if !suspect || (strays.len() + 1) as f64 > MOST_STRAY * all as f64 {
         return Ok(None);
     }
@@ -39,14 +37,5 @@ pub(super) fn with_stray_frame(
     let candidates = (0..all).filter(|frame| !strays.contains(frame));
     let Some(frame) = candidates.max_by(|a, b| squared(*a).total_cmp(&squared(*b))) else { return Ok(None) };
     strays.push(frame);
-    options.bundle = options.bundle.for_trial();
-    let starts = vec![bundle.state.clone()];
-    let mut with = match matter.refined_again(refined, refined.solution.clone(), options, starts) {
-        Ok(with) => with,
-        Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(_) => return Ok(None),
-    };
-    let Some((gain, true)) = with.gain_over(refined, needed) else { return Ok(None) };
-    with.strays.push((frame, gain));
-    Ok(Some((gain, with)))
+    matter.better_with(refined, options, needed)
 }

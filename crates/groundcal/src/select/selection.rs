@@ -101,7 +101,7 @@ impl Selection {
         pairs.iter().zip(&self.verdicts).filter_map(motion).collect()
     }
 
-    /// The same without a pair, which agrees with no camera.
+    /// The same without a pair that the refinement does without.
     pub(crate) fn without(mut self, id: PairId) -> Self {
         self.verdicts[id.index()] = PairVerdict::Rejected(Rejection::LeftOut);
         self
