@@ -145,19 +145,23 @@ fn a_motion_that_tilted_is_named_and_widens_no_other() {
                 c.warnings.iter().filter(|w| w.code() == "motion_strays").count(),
             )
         };
-        let [sigma, before] = [&c, &right].map(|c| c.standard_deviation(Parameter::Fx).expect("estimated"));
+        // Kept with an attitude of its own it cannot tell less than left out; weights rest to a few per cent.
+        scene.motions.remove(2);
+        let others = calibrate_named(&scene);
+        let [sigma, most] = [&c, &others].map(|c| c.standard_deviation(Parameter::Fx).expect("estimated"));
+        let [sigma_a, most_a] = [&c, &others].map(|c| c.attitude_sigma_deg);
         let off = worst(&c, &scene);
         println!(
-            "{tilt_deg:?} degrees: fx {:.2} +- {sigma:.3}, before {before:.3}, {off:.1} deviations off at most",
+            "{tilt_deg:?} degrees: fx {:.2} +- {sigma:.3} ({most:.3} without), attitudes {sigma_a:.3} ({most_a:.3}), {off:.1} deviations off at most",
             c.camera.fx
         );
         assert_eq!(strays(&right), (0, 0));
-        // Half a degree may be one of the deviations of all, and the error bars then hold it.
+        assert!(off < 3.9, "{off} deviations");
+        // Seven tenths of a degree may be one of the deviations of all, which then hold it.
         if tilt_deg[0].hypot(tilt_deg[1]) >= 1.0 {
             assert_eq!(strays(&c), (1, 1), "{tilt_deg:?}");
+            assert!(sigma < 1.05 * most && sigma_a < 1.05 * most_a, "{sigma} for {most}, {sigma_a} for {most_a}");
         }
-        assert!(off < 3.9 && sigma < 1.5 * before, "{off} deviations, {sigma} for {before}");
-        assert!(c.attitude_sigma_deg < 0.2, "{} degrees", c.attitude_sigma_deg);
     }
 }
 
