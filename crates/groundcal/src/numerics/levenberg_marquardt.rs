@@ -123,6 +123,9 @@ pub struct LmOutput<S, L> {
     pub stop: StopReason,
 }
 
+/// By how much the damping grows after a step that did not lower the cost; the next time by twice as much (Nielsen 1999).
+const FIRST_GROWTH: f64 = 2.0;
+
 /// Minimise; `None` only when the problem is undefined at the start.
 pub fn minimise<P: LeastSquares>(
     problem: &P,
@@ -143,7 +146,7 @@ pub(crate) fn minimise_until<P: LeastSquares>(
     let mut at = problem.linearise(&state)?;
     let undamped = options.descent == Descent::Undamped;
     let mut lambda = if undamped { 0.0 } else { 1e-6 };
-    let mut growth = 2.0;
+    let mut growth = FIRST_GROWTH;
     let mut iterations = 0;
     let mut stop = StopReason::MaxIterations;
     while iterations < options.max_iterations {
@@ -166,30 +169,22 @@ pub(crate) fn minimise_until<P: LeastSquares>(
             break;
         }
         let candidate = problem.retract(&state, &step);
-        let cost = problem.cost(&candidate);
         if undamped {
-            let Some(linearised) = cost.and_then(|_| problem.linearise(&candidate)) else {
+            let Some(linearised) = problem.linearise(&candidate) else {
                 stop = StopReason::Stalled;
                 break;
             };
             (state, at) = (candidate, linearised);
             continue;
         }
-        let gain = cost.map_or(-1.0, |cost| (at.cost() - cost) / predicted_decrease);
-        if gain > 0.0 {
-            match problem.linearise(&candidate) {
-                Some(linearised) => {
-                    state = candidate;
-                    at = linearised;
-                    lambda = (lambda * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3))).max(1e-12);
-                    growth = 2.0;
-                    continue;
-                }
-                None => lambda *= growth,
-            }
-        } else {
-            lambda = (lambda * growth).max(1e-9);
+        if let Some((linearised, gain)) = lower(problem, &candidate, &at, predicted_decrease, growth > FIRST_GROWTH) {
+            state = candidate;
+            at = linearised;
+            lambda = (lambda * f64::max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0).powi(3))).max(1e-12);
+            growth = FIRST_GROWTH;
+            continue;
         }
+        lambda = (lambda * growth).max(1e-9);
         growth *= 2.0;
         if lambda > 1e14 {
             stop = StopReason::Stalled;
@@ -197,6 +192,24 @@ pub(crate) fn minimise_until<P: LeastSquares>(
         }
     }
     Some(LmOutput { state, cost: at.cost(), linearised: at, iterations, stop })
+}
+
+/// The problem linearised at a candidate of less cost, and the ratio of actual to predicted decrease. Nearly every step lowers the cost,
+/// and what is linearised has its cost; only after one that did not (`in_doubt`) is the cost alone looked at first.
+fn lower<P: LeastSquares>(
+    problem: &P,
+    candidate: &P::State,
+    at: &P::Linearised,
+    predicted_decrease: f64,
+    in_doubt: bool,
+) -> Option<(P::Linearised, f64)> {
+    let gain = |cost: f64| (at.cost() - cost) / predicted_decrease;
+    if in_doubt && problem.cost(candidate).is_none_or(|cost| gain(cost) <= 0.0) {
+        return None;
+    }
+    let linearised = problem.linearise(candidate)?;
+    let gain = gain(linearised.cost());
+    (gain > 0.0).then_some((linearised, gain))
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ use crate::{
         release::released,
         residual::SceneModel,
         reweight::Weighing,
+        score::Minimum,
         tracks::{KINDS, Track},
         variance_components::{Component, VarianceComponents, disagreement},
     },
@@ -188,7 +189,8 @@ impl<'a> Rounds<'a> {
 
     /// Has a number more estimated where the residuals ask for it.
     fn release(&mut self, fit: &Fit) -> bool {
-        let released = released(&self.problem, self.tracks, &fit.out.state);
+        let at = Minimum { state: &fit.out.state, factor: &fit.factor, gradient: &fit.out.linearised.gradient };
+        let released = released(&self.problem, self.tracks, at);
         let any = released.is_some();
         if let Some(problem) = released {
             self.problem = problem;

@@ -78,6 +78,24 @@ impl TrackRows {
         let (x, y) = self.rows[2 * index * width..(2 * index + 2) * width].split_at_mut(width);
         ObservationRows { x, y, columns }
     }
+
+    /// Derivatives of an observation's two coordinates by the columns.
+    pub(crate) fn observation(&self, index: usize) -> [&[f64]; 2] {
+        let width = self.width();
+        [2 * index, 2 * index + 1].map(|row| &self.rows[row * width..row * width + self.columns])
+    }
+
+    /// Residuals of an observation.
+    pub(crate) fn residual(&self, index: usize) -> [f64; 2] {
+        let width = self.width();
+        [2 * index, 2 * index + 1].map(|row| self.rows[row * width + self.columns])
+    }
+
+    /// Derivatives of all rows by one of the point's two coordinates.
+    pub(crate) fn by_point(&self, coordinate: usize) -> impl Iterator<Item = f64> + Clone {
+        let width = self.width();
+        self.rows.chunks_exact(width).map(move |row| row[width - 2 + coordinate])
+    }
 }
 
 /// The rows of an observation's two coordinates.
@@ -194,8 +212,6 @@ impl Part {
 struct Reflections {
     /// (v, w), a row each.
     vectors: Vec<[f64; 2]>,
-    /// v times the columns, and w.
-    products: [Vec<f64>; 2],
 }
 
 impl Reflections {
@@ -212,22 +228,19 @@ impl Reflections {
         self.vectors[0][1] = 0.0;
         let (second, gamma) = reflection(&mut self.vectors, 1)?;
         let common: f64 = self.vectors.iter().map(|[v, w]| v * w).sum();
-        let [by_v, by_w] = &mut self.products;
-        for products in [&mut *by_v, &mut *by_w] {
-            products.clear();
-            products.resize(active, 0.0);
-        }
-        for (row, [v, w]) in rows.chunks_exact(width).zip(&self.vectors) {
-            by_v.iter_mut().zip(&row[..active]).for_each(|(p, value)| *p += v * value);
-            by_w.iter_mut().zip(&row[..active]).for_each(|(q, value)| *q += w * value);
-        }
-        for (p, q) in by_v.iter_mut().zip(by_w.iter_mut()) {
-            *p *= beta;
-            *q = gamma * (*q - common * *p);
-        }
-        for (row, [v, w]) in rows.chunks_exact_mut(width).zip(&self.vectors) {
-            for ((value, p), q) in row[..active].iter_mut().zip(by_v.iter()).zip(by_w.iter()) {
-                *value -= v * p + w * q;
+        // A few columns at a time, so that what they are multiplied with stays in registers.
+        for at in (0..active).step_by(LANES) {
+            let (mut by_v, mut by_w) = ([0.0; LANES], [0.0; LANES]);
+            for (row, [v, w]) in rows.chunks_exact(width).zip(&self.vectors) {
+                let values: [f64; LANES] = *row[at..].first_chunk()?;
+                by_v = std::array::from_fn(|i| by_v[i] + v * values[i]);
+                by_w = std::array::from_fn(|i| by_w[i] + w * values[i]);
+            }
+            by_v = by_v.map(|p| p * beta);
+            by_w = std::array::from_fn(|i| gamma * (by_w[i] - common * by_v[i]));
+            for (row, [v, w]) in rows.chunks_exact_mut(width).zip(&self.vectors) {
+                let values: &mut [f64; LANES] = row[at..].first_chunk_mut()?;
+                *values = std::array::from_fn(|i| values[i] - (v * by_v[i] + w * by_w[i]));
             }
         }
         Some([first, corner, second])
@@ -254,7 +267,7 @@ pub struct Reduced {
     by_points: f64,
     /// Information of the columns.
     pub information: Skyline,
-    gradient: DVector<f64>,
+    pub(crate) gradient: DVector<f64>,
     parts: Vec<Part>,
     columns: Vec<Vec<usize>>,
     points: usize,

@@ -184,6 +184,8 @@ pub(crate) struct ObservationPlaces {
     pub(crate) rig: Places,
     pub(crate) group: Places,
     pub(crate) frame: Places,
+    /// Of the frame's numbers those from [`FRAME_POSE`] on, counted from there.
+    pub(crate) departures: Places,
     /// All places, ascending.
     pub(crate) occupied: Vec<usize>,
 }
@@ -206,7 +208,7 @@ pub(crate) fn cluster(i: &Ingredients<'_>, layout: &Layout) -> Vec<Cluster> {
         by_images.entry(track.observations.iter().map(|o| (o.frame, o.camera)).collect()).or_default().push(t);
     }
     // (number, column) by block of an image.
-    let free_of = |&(frame, camera): &(usize, usize)| -> [Places; 4] {
+    let free_of = |&(frame, camera): &(usize, usize)| -> [Places; 5] {
         let group = &layout.groups[i.state.frames[frame].group];
         // The unit of length is 1 whatever the height of its group.
         let is_unit = layout.units.contains(&frame);
@@ -215,25 +217,29 @@ pub(crate) fn cluster(i: &Ingredients<'_>, layout: &Layout) -> Vec<Cluster> {
             layout.cameras[camera].free().collect(),
             layout.rig[camera].free().collect(),
             of_group.collect(),
-            layout.frames[frame].free().collect(),
+            layout.frames[frame].free().filter(|(number, _)| *number < FRAME_POSE).collect(),
+            layout.frames[frame].free().filter_map(|(number, c)| Some((number.checked_sub(FRAME_POSE)?, c))).collect(),
         ]
     };
     by_images
         .into_iter()
         .map(|(images, tracks)| {
-            let free: Vec<[Places; 4]> = images.iter().map(free_of).collect();
+            let free: Vec<[Places; 5]> = images.iter().map(free_of).collect();
             let all: BTreeSet<usize> = free.iter().flatten().flatten().map(|(_, column)| *column).collect();
             let columns: Vec<usize> = all.into_iter().collect();
             let place = |column: usize| columns.partition_point(|c| *c < column);
             let places = free
                 .into_iter()
                 .map(|blocks| {
-                    let [camera, rig, group, frame] =
+                    let [camera, rig, group, frame, departures] =
                         blocks.map(|b| b.into_iter().map(|(number, c)| (number, place(c))).collect::<Places>());
-                    let mut occupied: Vec<usize> =
-                        [&camera, &rig, &group, &frame].into_iter().flatten().map(|(_, place)| *place).collect();
+                    let mut occupied: Vec<usize> = [&camera, &rig, &group, &frame, &departures]
+                        .into_iter()
+                        .flatten()
+                        .map(|(_, place)| *place)
+                        .collect();
                     occupied.sort_unstable();
-                    ObservationPlaces { camera, rig, group, frame, occupied }
+                    ObservationPlaces { camera, rig, group, frame, departures, occupied }
                 })
                 .collect();
             Cluster { images, tracks, columns, places }

@@ -27,6 +27,7 @@ pub(crate) mod profile;
 pub(crate) mod release;
 pub mod residual;
 pub(crate) mod reweight;
+pub(crate) mod score;
 pub mod start;
 pub mod tracks;
 pub mod variance_components;

@@ -9,7 +9,7 @@ use crate::{
         blocks::{CameraUnknowns, Departure, DepartureKind, FRAME_POSE, GROUP_HEIGHT, STRAY_SIGMA_RAD, State},
         elimination::{Part, Reduced, TrackRows},
         layout::{Cluster, Ingredients, Layout, cluster, lay_out},
-        residual::{Pose, Projector, SceneModel, project_with_derivatives, tangent_of},
+        residual::{Pose, Projection, Projector, SceneModel, project_with_derivatives, tangent_of},
         tracks::KINDS,
     },
 };
@@ -301,37 +301,59 @@ impl Problem {
         let c = &self.clusters[cluster];
         let mut part = Part::new(cluster, c.columns.len(), tracks.len());
         let mut rows = TrackRows::new(c);
-        let in_views: Vec<(&Projector, &Pose)> = c.images.iter().map(|&image| views.of(image)).collect();
         for &t in tracks {
-            rows.clear();
-            let q = &state.points[t];
-            let tangent = tangent_of(q);
-            let weight = self.weights[self.kinds[t]];
-            for (o, (s, (projector, pose))) in self.seen[t].iter().zip(&in_views).enumerate() {
-                let p = project_with_derivatives(projector, pose, q, s.row)?;
-                let r = s.whitened(&(p.pixel - s.pixel));
-                let w = (weight * s.robust).sqrt();
-                part.add_cost(0.5 * w * w * r.norm_squared());
-                let root = s.whiten.map(|u| u * w);
-                let places = &c.places[o];
-                let mut row = rows.of_observation(o);
-                row.add_block(p.by_camera.as_slice(), &places.camera, root);
-                row.add_block(p.by_rig.as_slice(), &places.rig, root);
-                row.add_block(p.by_group.as_slice(), &places.group, root);
-                row.add_block(p.by_frame.as_slice(), &places.frame, root);
-                for (k, direction) in tangent.iter().enumerate() {
-                    let by = p.by_point * direction;
-                    row.set_point(k, (by.x, by.y), root);
-                }
-                row.set_residual(r.x * w, r.y * w);
-            }
+            let squared = self.linearise_track((c, t), state, views, &mut rows, |_, _, _, _| {})?;
+            part.add_cost(0.5 * squared);
             part.eliminate(t, &mut rows, &c.places)?;
         }
         part.finish(c);
         Some(part)
     }
 
-    fn chunks(&self) -> Vec<(usize, &[usize])> {
+    /// The rows of a track of a cluster; returns the sum of its squared residuals, weighted. `also` is told of each observation, by its
+    /// index, how it is projected, and the root of its weight: upper triangular (a, b; 0, d).
+    #[inline(always)]
+    pub(crate) fn linearise_track(
+        &self,
+        (c, t): (&Cluster, usize),
+        state: &State,
+        views: &Views,
+        rows: &mut TrackRows,
+        mut also: impl FnMut(usize, &Projection, &Seen, [f64; 3]),
+    ) -> Option<f64> {
+        rows.clear();
+        let q = &state.points[t];
+        let tangent = tangent_of(q);
+        let weight = self.weights[self.kinds[t]];
+        let mut squared = 0.0;
+        for (o, (s, places)) in self.seen[t].iter().zip(&c.places).enumerate() {
+            let (projector, pose) = views.of(c.images[o]);
+            let p = project_with_derivatives(projector, pose, q, s.row)?;
+            let w = (weight * s.robust).sqrt();
+            let r = s.whitened(&(p.pixel - s.pixel)) * w;
+            squared += r.norm_squared();
+            let root = s.whiten.map(|u| u * w);
+            let mut row = rows.of_observation(o);
+            row.add_block(p.by_camera.as_slice(), &places.camera, root);
+            if !places.rig.is_empty() {
+                row.add_block(p.by_rig().as_slice(), &places.rig, root);
+            }
+            row.add_block(p.by_group.as_slice(), &places.group, root);
+            row.add_block(p.by_frame.as_slice(), &places.frame, root);
+            if !places.departures.is_empty() {
+                row.add_block(p.by_departures(s.row).as_slice(), &places.departures, root);
+            }
+            for (k, direction) in tangent.iter().enumerate() {
+                let by = p.by_point * direction;
+                row.set_point(k, (by.x, by.y), root);
+            }
+            row.set_residual(r.x, r.y);
+            also(o, &p, s, root);
+        }
+        Some(squared)
+    }
+
+    pub(crate) fn chunks(&self) -> Vec<(usize, &[usize])> {
         self.clusters.iter().enumerate().flat_map(|(i, c)| c.tracks.chunks(CHUNK).map(move |t| (i, t))).collect()
     }
 }

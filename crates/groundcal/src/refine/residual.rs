@@ -22,8 +22,8 @@ use crate::geometry::{
     lens::{Lens, LensProjection, MAX_LENS_PARAMETERS},
 };
 use crate::refine::blocks::{
-    CameraState, Departure, FRAME, FRAME_POSE, FRAME_YAW, FrameState, GROUP, GroupState, MATRIX, MOST_CAMERA_NUMBERS,
-    RIG_POSE, RigPose, rotation_x, rotation_y,
+    CameraState, DEPARTURES, Departure, FRAME_POSE, FRAME_YAW, FrameState, GROUP, GroupState, MATRIX,
+    MOST_CAMERA_NUMBERS, RIG_POSE, RigPose, rotation_x, rotation_y,
 };
 
 /// What the points are.
@@ -192,14 +192,42 @@ pub struct Projection {
     pub pixel: Vector2<f64>,
     /// By the camera; columns beyond its numbers are zero.
     pub by_camera: SMatrix<f64, 2, MOST_CAMERA_NUMBERS>,
-    /// By the camera's pose in the rig; zero for the first camera.
-    pub by_rig: SMatrix<f64, 2, RIG_POSE>,
     /// By the group.
     pub by_group: SMatrix<f64, 2, GROUP>,
-    /// By the frame.
-    pub by_frame: SMatrix<f64, 2, FRAME>,
+    /// By the frame's pose.
+    pub by_frame: SMatrix<f64, 2, FRAME_POSE>,
     /// By the point's homogeneous coordinates.
     pub by_point: Matrix2x3<f64>,
+    /// By camera coordinates.
+    by_camera_point: Matrix2x3<f64>,
+    /// What the rotations turn: camera coordinates less the camera's translation in the rig.
+    turned: Vector3<f64>,
+    /// The point's weight of translations.
+    weight: f64,
+    /// The pixel from the principal point.
+    from_centre: Vector2<f64>,
+}
+
+impl Projection {
+    /// By the pose in the rig of a camera that is not the first.
+    pub fn by_rig(&self) -> SMatrix<f64, 2, RIG_POSE> {
+        let (g, turned) = (&self.by_camera_point, &self.turned);
+        let mut j = SMatrix::<f64, 2, RIG_POSE>::zeros();
+        j.set_column(0, &(g * Vector3::new(0.0, -turned.z, turned.y)));
+        j.set_column(1, &(g * Vector3::new(turned.z, 0.0, -turned.x)));
+        j.set_column(2, &(g * Vector3::new(-turned.y, turned.x, 0.0)));
+        j.fixed_columns_mut::<3>(3).copy_from(&(g * self.weight));
+        j
+    }
+
+    /// By the departures of the frame's picture, of a point seen in this row.
+    pub fn by_departures(&self, row: f64) -> SMatrix<f64, 2, DEPARTURES> {
+        let mut j = SMatrix::<f64, 2, DEPARTURES>::zeros();
+        j.set_column(0, &self.from_centre);
+        j.set_column(1, &(self.by_frame.column(FRAME_YAW) * row));
+        j.fixed_columns_mut::<2>(2).fill_with_identity();
+        j
+    }
 }
 
 /// Projects a point, seen in a row (see [`Pose::at_row`]), with all derivatives; `None` where the lens shows none.
@@ -207,31 +235,31 @@ pub struct Projection {
 pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Projection> {
     // Most pictures do not depart: what is looked at in every iteration is copied for those alone that do.
     if pose.departure == Departure::default() {
-        return derivatives(projector, pose, q, row);
+        return derivatives(projector, pose, q);
     }
-    derivatives(&projector.departing(&pose.departure), &pose.at_row(row), q, row)
+    derivatives(&projector.departing(&pose.departure), &pose.at_row(row), q)
 }
 
 // Called for every observation of every iteration: what it returns is large, and is not copied where it is inlined.
 #[inline(always)]
-fn derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Projection> {
+fn derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>) -> Option<Projection> {
     let scale = if pose.departure.ln_focal == 0.0 { 1.0 } else { pose.departure.ln_focal.exp() };
     let x = pose.camera_point(q);
     let seen = projector.lens.project_with_jacobian(&x)?;
     let g = projector.linear * seen.by_ray;
     let weight = if pose.scene == SceneModel::Floor { q.z } else { 0.0 };
-    let (by_group, mut by_frame, by_rig) = by_poses(pose, &g, &x, weight);
-    by_frame.set_column(FRAME_POSE, &(projector.linear * seen.point));
-    let by_yaw = by_frame.column(FRAME_YAW) * row;
-    by_frame.set_column(FRAME_POSE + 1, &by_yaw);
-    by_frame.fixed_columns_mut::<2>(FRAME_POSE + 2).fill_with_identity();
+    let turned = pose.translation.map_or(x, |t| x - t * weight);
+    let (by_group, by_frame) = by_poses(pose, &g, &turned, weight);
     Some(Projection {
         pixel: projector.pixel(&seen.point),
         by_camera: by_camera(&projector.linear, scale, &seen),
-        by_rig,
         by_group,
         by_frame,
         by_point: g * pose.matrix,
+        by_camera_point: g,
+        turned,
+        weight,
+        from_centre: projector.linear * seen.point,
     })
 }
 
@@ -249,24 +277,21 @@ fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatri
     j
 }
 
-/// By group, frame and rig pose, given the derivative by camera coordinates and the weight of the translations.
+/// By group and frame, given the derivative by camera coordinates, what the rotations turn and the weight of the translations.
 #[inline(always)]
 fn by_poses(
     pose: &Pose,
     g: &Matrix2x3<f64>,
-    x: &Vector3<f64>,
+    turned: &Vector3<f64>,
     weight: f64,
-) -> (SMatrix<f64, 2, GROUP>, SMatrix<f64, 2, FRAME>, SMatrix<f64, 2, RIG_POSE>) {
+) -> (SMatrix<f64, 2, GROUP>, SMatrix<f64, 2, FRAME_POSE>) {
     let mut by_group = SMatrix::<f64, 2, GROUP>::zeros();
-    let mut by_frame = SMatrix::<f64, 2, FRAME>::zeros();
-    let mut by_rig = SMatrix::<f64, 2, RIG_POSE>::zeros();
-    // What the rotations turn.
-    let turned = pose.translation.map_or(*x, |t| x - t * weight);
-    let t = pose.attitude.tr_mul(&turned);
+    let mut by_frame = SMatrix::<f64, 2, FRAME_POSE>::zeros();
+    let t = pose.attitude.tr_mul(turned);
     let by_first = g * (pose.attitude * Vector3::new(0.0, -t.z, t.y));
     by_group.set_column(0, &by_first);
     by_group.set_column(1, &(g * (pose.attitude * Vector3::new(t.z, 0.0, -t.x))));
-    let s = pose.half_tilted.tr_mul(&turned);
+    let s = pose.half_tilted.tr_mul(turned);
     by_frame.set_column(0, &by_first);
     by_frame.set_column(1, &(g * (pose.half_tilted * Vector3::new(s.z, 0.0, -s.x))));
     let w = pose.second_tilt.tr_mul(&s);
@@ -278,13 +303,7 @@ fn by_poses(
         by_group.set_column(2, &by_height);
         by_frame.set_column(5, &by_height);
     }
-    if pose.translation.is_some() {
-        by_rig.set_column(0, &(g * Vector3::new(0.0, -turned.z, turned.y)));
-        by_rig.set_column(1, &(g * Vector3::new(turned.z, 0.0, -turned.x)));
-        by_rig.set_column(2, &(g * Vector3::new(-turned.y, turned.x, 0.0)));
-        by_rig.fixed_columns_mut::<3>(3).copy_from(&(g * weight));
-    }
-    (by_group, by_frame, by_rig)
+    (by_group, by_frame)
 }
 
 /// Two orthonormal directions across a unit vector.
@@ -382,9 +401,11 @@ mod tests {
             let n = i - BEGIN[block];
             let analytic = match block {
                 0 => p.by_camera.column(n).into_owned(),
-                1 => p.by_rig.column(n).into_owned(),
+                1 if in_rig => p.by_rig().column(n).into_owned(),
+                1 => Vector2::zeros(),
                 2 => p.by_group.column(n).into_owned(),
-                3 => p.by_frame.column(n).into_owned(),
+                3 if n < FRAME_POSE => p.by_frame.column(n).into_owned(),
+                3 => p.by_departures(ROW).column(n - FRAME_POSE).into_owned(),
                 _ => p.by_point.column(n).into_owned(),
             };
             let error = (difference - analytic).norm();

@@ -185,6 +185,8 @@ impl Lens {
     }
 
     /// [`Self::project`] with derivatives.
+    // Called for every observation of every iteration: what it returns is large, and is not copied where it is inlined.
+    #[inline(always)]
     pub fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
         match self {
             Self::None => {

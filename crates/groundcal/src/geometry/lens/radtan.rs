@@ -150,7 +150,7 @@ impl Radtan {
     }
 
     /// [`Self::project`] with derivatives.
-    #[inline]
+    #[inline(always)]
     pub fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
         let p = ideal_point(ray)?;
         let j = self.jacobian(&p);
@@ -160,12 +160,15 @@ impl Radtan {
         let inverse = 1.0 / ray.z;
         let by_ray = Matrix2x3::from_columns(&[j.column(0) * inverse, j.column(1) * inverse, -(j * p) * inverse]);
         let (x, y, r2) = (p.x, p.y, p.norm_squared());
-        let mut by_parameters = ByLensParameters::zeros();
-        by_parameters.set_column(0, &(p * r2));
-        by_parameters.set_column(1, &(p * r2 * r2));
-        by_parameters.set_column(2, &Vector2::new(2.0 * x * y, r2 + 2.0 * y * y));
-        by_parameters.set_column(3, &Vector2::new(r2 + 2.0 * x * x, 2.0 * x * y));
-        by_parameters.set_column(4, &(p * r2 * r2 * r2));
+        let by_tangential = [Vector2::new(2.0 * x * y, r2 + 2.0 * y * y), Vector2::new(r2 + 2.0 * x * x, 2.0 * x * y)];
+        let by_radial = [p * r2, p * r2 * r2, p * r2 * r2 * r2];
+        let by_parameters = ByLensParameters::from_columns(&[
+            by_radial[0],
+            by_radial[1],
+            by_tangential[0],
+            by_tangential[1],
+            by_radial[2],
+        ]);
         Some(LensProjection { point: self.polynomial(&p), by_ray, by_parameters })
     }
 
