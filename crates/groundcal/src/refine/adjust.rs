@@ -1,6 +1,8 @@
 //! The joint refinement as a loop of named steps: minimise; weigh the observations; estimate the variance components; and, when
 //! all of these rest, covariances and the shape of the likelihood.
 
+use nalgebra::Vector2;
+
 use crate::{
     error::Error,
     numerics::{
@@ -56,7 +58,7 @@ pub(crate) fn adjust_until(
     let mut last_round = options.rounds;
     for round in 1.. {
         let fit = rounds.minimised(observer)?;
-        let weighing = rounds.weighing(&fit)?;
+        let weighing = rounds.weighing(&fit);
         let components = rounds.components.updated(&rounds.problem, &fit.out.state, &fit.factor, options);
         let rests = rounds.cameras_rest(&fit) & weighing.rests(rounds.effects) & components.rest(&rounds.components);
         if rests || round >= last_round {
@@ -94,7 +96,9 @@ struct Rounds<'a> {
 struct Fit {
     out: LmOutput<State, Reduced>,
     factor: SkylineCholesky,
-    /// Weighted squared residual of each observation of each track.
+    /// Residual of each observation of each track, whitened and weighted.
+    residuals: Vec<Vec<Vector2<f64>>>,
+    /// Their squares without the weights of the loss.
     squared_residuals: Vec<Vec<f64>>,
 }
 
@@ -156,14 +160,14 @@ impl<'a> Rounds<'a> {
         }
         let out = best.ok_or_else(|| failed("the start is outside the model"))?;
         let factor = out.linearised.information.cholesky(0.0).ok_or_else(|| failed("the information is singular"))?;
-        let squared_residuals =
-            self.problem.squared_residuals(&out.state).ok_or_else(|| failed("the solution is outside the model"))?;
-        Ok(Fit { out, factor, squared_residuals })
+        let residuals = out.linearised.residuals();
+        let squared_residuals = self.problem.squared_residuals(&residuals);
+        Ok(Fit { out, factor, residuals, squared_residuals })
     }
 
-    fn weighing(&self, fit: &Fit) -> Result<Weighing, Error> {
-        Weighing::new(&self.problem, &fit.out.state, &fit.squared_residuals, &fit.factor, self.effects)
-            .ok_or_else(|| failed("the solution is outside the model"))
+    fn weighing(&self, fit: &Fit) -> Weighing {
+        let residuals = (fit.residuals.as_slice(), fit.squared_residuals.as_slice());
+        Weighing::new(&self.problem, &fit.out.state, residuals, &fit.factor, self.effects)
     }
 
     /// From round to round the weights of the loss change too: the cameras rest when they hardly move them.
@@ -207,7 +211,7 @@ impl<'a> Rounds<'a> {
         observer: &dyn Observer,
     ) -> Result<Bundle, Error> {
         let (problem, tracks) = (&self.problem, self.tracks);
-        let Fit { out, factor, squared_residuals } = fit;
+        let Fit { out, factor, squared_residuals, .. } = fit;
         // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
         let dof = weighing.degrees_of_freedom;
         let student = if dof > 4.0 { dof / (dof - 2.0) } else { 2.0 };

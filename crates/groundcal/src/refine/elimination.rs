@@ -4,7 +4,7 @@
 //! R do not contain the point any more and make the reduced normal equations (the Schur complement, Triggs et al. 2000, in its
 //! numerically better square-root form; of long tracks JᵀJ less the rows of R), the rows of R give the point back.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Vector2};
 
 use crate::{
     numerics::{
@@ -44,6 +44,8 @@ pub(crate) struct Part {
     /// Lower triangle of the information, by [`row_start`]; the gradient is the row after its last.
     equations: Vec<f64>,
     eliminations: Vec<Elimination>,
+    /// Those of each track's observations, whitened and weighted, one track after the other.
+    residuals: Vec<Vector2<f64>>,
     /// Two rows of Qᵀ J a track, one after the other.
     rows: Vec<f64>,
     /// Rows whose outer products are still to be added to the equations, or taken away.
@@ -137,6 +139,7 @@ impl Part {
             by_points: 0.0,
             equations: vec![0.0; row_start(columns + 1)],
             eliminations: Vec::with_capacity(tracks),
+            residuals: Vec::new(),
             rows: Vec::with_capacity(2 * columns * tracks),
             pending: Vec::new(),
         }
@@ -144,6 +147,11 @@ impl Part {
 
     pub(crate) fn add_cost(&mut self, cost: f64) {
         self.cost += cost;
+    }
+
+    /// Keeps the residuals of the next track that is eliminated.
+    pub(crate) fn keep_residuals(&mut self, rows: &TrackRows, observations: usize) {
+        self.residuals.extend((0..observations).map(|o| Vector2::from(rows.residual(o))));
     }
 
     /// Eliminates a track's point; `None` when it is not determined.
@@ -294,6 +302,18 @@ impl Reduced {
         }
         let columns = clusters.iter().map(|c| c.columns.clone()).collect();
         Self { cost, by_points, information, gradient, parts, columns, points }
+    }
+
+    /// Residuals of the observations of each track, whitened and weighted.
+    pub(crate) fn residuals(&self) -> Vec<Vec<Vector2<f64>>> {
+        let mut of_tracks = vec![Vec::new(); self.points];
+        for part in &self.parts {
+            let observations = part.residuals.len() / part.eliminations.len().max(1);
+            for (e, residuals) in part.eliminations.iter().zip(part.residuals.chunks(observations.max(1))) {
+                of_tracks[e.track] = residuals.to_vec();
+            }
+        }
+        of_tracks
     }
 
     /// Adds a prior: `sign` times the column's step adds to a value of a deviation.

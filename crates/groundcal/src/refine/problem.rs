@@ -282,19 +282,12 @@ impl Problem {
         self.priors(state).into_iter().map(|(d, sigma)| (d.column, 1.0 / (sigma * sigma))).collect()
     }
 
-    /// Weighted squared residual of each observation of each track (weights of the loss not applied).
-    pub(crate) fn squared_residuals(&self, state: &State) -> Option<Vec<Vec<f64>>> {
-        let views = self.views(state);
-        let mut out: Vec<Vec<f64>> = vec![Vec::new(); self.seen.len()];
-        for c in &self.clusters {
-            for &t in &c.tracks {
-                for (s, &image) in self.seen[t].iter().zip(&c.images) {
-                    let pixel = views.project(image, &state.points[t], s)?;
-                    out[t].push(self.weights[self.kinds[t]] * s.whitened(&(pixel - s.pixel)).norm_squared());
-                }
-            }
-        }
-        Some(out)
+    /// Weighted squared residual of each observation of each track (weights of the loss not applied), from the residuals with them.
+    pub(crate) fn squared_residuals(&self, residuals: &[Vec<Vector2<f64>>]) -> Vec<Vec<f64>> {
+        let of_track = |(seen, residuals): (&Vec<Seen>, &Vec<Vector2<f64>>)| {
+            seen.iter().zip(residuals).map(|(s, r)| r.norm_squared() / s.robust).collect()
+        };
+        self.seen.iter().zip(residuals).map(of_track).collect()
     }
 
     fn part(&self, cluster: usize, tracks: &[usize], state: &State, views: &Views) -> Option<Part> {
@@ -304,6 +297,7 @@ impl Problem {
         for &t in tracks {
             let squared = self.linearise_track((c, t), state, views, &mut rows, |_, _, _, _| {})?;
             part.add_cost(0.5 * squared);
+            part.keep_residuals(&rows, c.images.len());
             part.eliminate(t, &mut rows, &c.places)?;
         }
         part.finish(c);

@@ -48,20 +48,20 @@ impl Weighing {
     pub(crate) fn new(
         problem: &Problem,
         state: &State,
-        squared_residuals: &[Vec<f64>],
+        (residuals, squared_residuals): (&[Vec<Vector2<f64>>], &[Vec<f64>]),
         factor: &SkylineCholesky,
         effects_in_force: [f64; KINDS],
-    ) -> Option<Self> {
+    ) -> Self {
         let (variances, degrees_of_freedom) = problem.variance_factors(state, squared_residuals, factor);
         let redundancies = problem.redundancies().map(|r| r as f64);
         let total = redundancies.iter().sum::<f64>().max(1.0);
-        Some(Self {
-            effects: problem.design_effects(state, variances)?,
+        Self {
+            effects: problem.design_effects(residuals, variances),
             // In units of single residuals, which the weights in force take for larger by what neighbours have in common.
             white: std::array::from_fn(|k| variances[k] * effects_in_force[k]),
             degrees_of_freedom,
             of_kinds: redundancies.map(|r| r * degrees_of_freedom / total),
-        })
+        }
     }
 
     /// Whether the weights in force need no change.
@@ -121,16 +121,13 @@ impl Problem {
     /// of sums over cells of the images, by its expectation from the `variances` of single residuals. A lens or a floor that is
     /// not quite as the model says, and matching errors that depend on the perspective, show in it where the size of single
     /// residuals does not. 1 where the difference may be chance.
-    fn design_effects(&self, state: &State, variances: [f64; KINDS]) -> Option<[f64; KINDS]> {
-        let views = self.views(state);
+    fn design_effects(&self, residuals: &[Vec<Vector2<f64>>], variances: [f64; KINDS]) -> [f64; KINDS] {
         let mut cells: BTreeMap<PairOfKind, [Cell; CELLS * CELLS]> = BTreeMap::new();
         for c in &self.clusters {
             let share = (c.images.len() as f64 - 1.0) / c.images.len() as f64;
             for &t in &c.tracks {
                 let kind = self.kinds[t];
-                for (s, &image) in self.seen[t].iter().zip(&c.images).skip(1) {
-                    let pixel = views.project(image, &state.points[t], s)?;
-                    let r = s.whitened(&(pixel - s.pixel)) * (self.weights[kind] * s.robust).sqrt();
+                for ((s, r), &image) in self.seen[t].iter().zip(&residuals[t]).zip(&c.images).skip(1) {
                     let half_sides = self.cameras[image.1].image_half_sides;
                     let place =
                         |x: f64, half: f64| ((0.5 * (x / half + 1.0) * CELLS as f64).max(0.0) as usize).min(CELLS - 1);
@@ -163,11 +160,11 @@ impl Problem {
             expected[*kind] += 2.0 * full().map(|c| c.variance).sum::<f64>() * left / numbers;
             degrees_of_freedom[*kind] += left;
         }
-        Some(std::array::from_fn(|k| {
+        std::array::from_fn(|k| {
             let (ratio, dof) = (squares[k] / expected[k], degrees_of_freedom[k]);
             let chance = chi_squared_survival(ratio * dof, dof.round() as usize);
             if dof >= 1.0 && ratio > 1.0 && chance < DESIGN_EFFECT_P { ratio } else { 1.0 }
-        }))
+        })
     }
 
     /// Sets the weight of each observation to Huber's (1964) for its squared residual. Between two calls the problem is one of
