@@ -23,7 +23,7 @@ pub struct NormalEquations {
 
 /// A step that solves damped normal equations.
 pub struct DampedStep {
-    /// In the tangent space of the state.
+    /// In the tangent space of the state, less what was eliminated from the equations ([`Linearisation::completed`]).
     pub step: DVector<f64>,
     /// By how much the linearised problem says the cost falls.
     pub predicted_decrease: f64,
@@ -35,6 +35,10 @@ pub trait Linearisation {
     fn cost(&self) -> f64;
     /// The step for a damping factor λ on the diagonal; `None` when the damped matrix is not positive definite.
     fn solve(&self, lambda: f64) -> Option<DampedStep>;
+    /// The same step with what was eliminated from the equations. Asked for of steps that are taken.
+    fn completed(&self, step: DVector<f64>) -> DVector<f64> {
+        step
+    }
 }
 
 impl Linearisation for NormalEquations {
@@ -164,10 +168,12 @@ pub(crate) fn minimise_until<P: LeastSquares>(
             lambda = (lambda * 10.0).max(1e-9);
             continue;
         };
-        if predicted_decrease <= options.relative_cost_tolerance * at.cost() || step.amax() <= options.step_tolerance {
+        let no_gain = predicted_decrease <= options.relative_cost_tolerance * at.cost();
+        if no_gain || step.amax() <= options.step_tolerance {
             stop = StopReason::Converged;
             break;
         }
+        let step = at.completed(step);
         let candidate = problem.retract(&state, &step);
         if undamped {
             let Some(linearised) = problem.linearise(&candidate) else {

@@ -331,10 +331,14 @@ impl Linearisation for Reduced {
     }
 
     fn solve(&self, lambda: f64) -> Option<DampedStep> {
-        let n = self.information.size();
         let step = self.information.cholesky(lambda)?.solve(&(-&self.gradient));
         let predicted_decrease =
             self.by_points - self.gradient.dot(&step) - 0.5 * step.dot(&self.information.product(&step));
+        Some(DampedStep { step, predicted_decrease })
+    }
+
+    fn completed(&self, step: DVector<f64>) -> DVector<f64> {
+        let n = step.len();
         let mut all = DVector::zeros(n + 2 * self.points);
         all.rows_mut(0, n).copy_from(&step);
         for part in &self.parts {
@@ -349,7 +353,7 @@ impl Linearisation for Reduced {
                 all[n + 2 * e.track + 1] = b;
             }
         }
-        Some(DampedStep { step: all, predicted_decrease })
+        all
     }
 }
 
