@@ -22,6 +22,7 @@ use crate::{
         StandardDeviation, ViewParameter, ViewReport, Warning,
         calibration::{FORMAT_VERSION, SCHEMA_VERSION},
         diagnosis,
+        judge::verdict_on,
     },
     select::{
         attitude_groups::AttitudeGroup,
@@ -62,6 +63,7 @@ pub(super) fn assemble(
     for (motion, diagnosis) in calibration.motions.iter_mut().zip(diagnoses) {
         motion.diagnosis = diagnosis;
     }
+    calibration.verdict = Some(verdict_on(&calibration));
     calibration
 }
 
@@ -79,6 +81,7 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
     Calibration {
         schema_version: SCHEMA_VERSION,
         format_version: FORMAT_VERSION,
+        verdict: None,
         pixel_centre: PixelCentre::TopLeftPixel,
         camera: Camera::new(stages.size, &s.intrinsics, lens.lens, lens.source),
         standard_deviation: StandardDeviation {

@@ -14,13 +14,14 @@ use crate::{
         evidence::Evidence,
         fit::Fit,
         motions::MotionReport,
+        verdict::Verdict,
         views::{AttitudeReport, ViewReport},
         warning::{self, Warning},
     },
 };
 
 /// The version of [`Calibration::schema_version`] that is written; older ones are read.
-pub const SCHEMA_VERSION: u32 = 3;
+pub const SCHEMA_VERSION: u32 = 4;
 /// The version of [`Calibration::format_version`] that is written and read.
 pub const FORMAT_VERSION: u32 = 1;
 /// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it.
@@ -63,6 +64,9 @@ pub struct Calibration {
     /// Version of what readers may rely on: it grows when a field goes or changes its meaning. [`FORMAT_VERSION`].
     #[serde(default = "first_version")]
     pub format_version: u32,
+    /// Whether to trust it; `None`: nobody asked (a file of an earlier version, a camera from elsewhere).
+    #[serde(default)]
+    pub verdict: Option<Verdict>,
     /// Pixel convention of all coordinates.
     #[serde(default)]
     pub pixel_centre: PixelCentre,

@@ -13,6 +13,7 @@
 //! | [`motions`] | pairs of images and what became of them |
 //! | [`diagnosis`] | which motions do not fit the others |
 //! | [`warning`] | doubt, as values |
+//! | [`verdict`], [`judge`] | whether to trust it |
 //! | [`evidence`] | what it was made from, point by point |
 
 pub mod calibration;
@@ -21,7 +22,9 @@ pub mod covariance;
 pub mod diagnosis;
 pub mod evidence;
 pub mod fit;
+pub mod judge;
 pub mod motions;
+pub mod verdict;
 pub mod views;
 pub mod warning;
 
@@ -31,5 +34,6 @@ pub use camera::{Camera, DistortionReport, LensSource, Method, Prior, PriorConfl
 pub use covariance::{Covariance, StandardDeviation};
 pub use fit::{Fit, Refinement, ResidualReport};
 pub use motions::{MotionDiagnosis, MotionReport, MotionVerdict};
+pub use verdict::{Verdict, VerdictLevel, VerdictReason};
 pub use views::{AttitudeReport, FloorHomography, ViewParameter, ViewReport};
 pub use warning::{PictureDeparture, PrincipalPointDoubt, Warning, WarningReport};
