@@ -2,7 +2,11 @@
 
 use std::path::Path;
 
-use groundcal::{error::Error, remedy::Remedy};
+use groundcal::{
+    error::Error,
+    remedy::Remedy,
+    result::{Verdict, judge::verdict_on_refusal},
+};
 use groundcal_io::text::{message, shown};
 use serde::Serialize;
 
@@ -37,6 +41,9 @@ pub(crate) enum CliError {
 /// An error as `--json` prints it.
 #[derive(Debug, Serialize)]
 pub(crate) struct ErrorReport {
+    /// Where the images contradict the answer, which is not given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    verdict: Option<Verdict>,
     error: Failure,
 }
 
@@ -92,7 +99,11 @@ impl CliError {
             CliError::Stopped(_) => ("stopped", Vec::new()),
             CliError::Calibration(error) => (error.code(), error.remedies().iter().map(Remedy::code).collect()),
         };
-        ErrorReport { error: Failure { code, message: self.to_string(), remedies } }
+        let verdict = match self {
+            CliError::Calibration(error) => verdict_on_refusal(error),
+            _ => None,
+        };
+        ErrorReport { verdict, error: Failure { code, message: self.to_string(), remedies } }
     }
 }
 

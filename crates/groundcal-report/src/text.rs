@@ -5,7 +5,9 @@ use groundcal::{
     geometry::lens::Lens,
     numerics::statistics::NORMAL_95,
     remedy::Wording,
-    result::{Calibration, LensSource, Method, MotionReport, Parameter, Scene, Warning},
+    result::{
+        Calibration, LensSource, Method, MotionReport, Parameter, Scene, Verdict, VerdictLevel, VerdictReason, Warning,
+    },
 };
 
 use crate::{
@@ -54,12 +56,34 @@ pub fn summary(c: &Calibration, options: &SummaryOptions, wording: &dyn Wording)
     let notes: String = notes(c, verbose).iter().map(|note| wrapped(note, 0, width) + "\n").collect();
     let warning = |w: &Warning| format!("\nwarning [{}]\n{}\n", w.code(), wrapped(&w.message(wording), 2, width));
     let warnings: String = c.warnings.iter().map(warning).collect();
+    let verdict = c.verdict.as_ref().map_or(String::new(), |v| wrapped(&verdict_line(v), 0, width) + "\n\n");
+    let reason = |r: &&VerdictReason| format!("\nverdict [{}]\n{}\n", r.code, wrapped(&r.message, 2, width));
+    let reasons: String = beside_warnings(c).iter().map(reason).collect();
     format!(
-        "{}\n{double}\n{}{double}\n{}{double}\n{notes}{warnings}",
+        "{verdict}{}\n{double}\n{}{double}\n{}{double}\n{notes}{reasons}{warnings}",
         centred(&title, width),
         facts(&made_from(c), width),
         blocks.join(&format!("{single}\n")),
     )
+}
+
+/// The verdict in a line: the level, and the names of the reasons, which stand in full among the warnings or beside them.
+pub(crate) fn verdict_line(v: &Verdict) -> String {
+    let codes: Vec<&str> = v.reasons.iter().map(|r| r.code.as_str()).collect();
+    let because = if codes.is_empty() { String::new() } else { format!(": {}", codes.join(", ")) };
+    let means = match v.level {
+        VerdictLevel::Trustworthy => "what was assumed was tried against the images, and held",
+        VerdictLevel::Usable => "the images decide less than all; what they leave open is in the error bars",
+        VerdictLevel::Unchecked => "the error bars may not hold",
+        VerdictLevel::Contradicted => "the images contradict it",
+    };
+    format!("Verdict: {} ({means}){because}", v.level.name())
+}
+
+/// Reasons of the verdict that are no warnings.
+pub(crate) fn beside_warnings(c: &Calibration) -> Vec<&VerdictReason> {
+    let warned = |r: &&VerdictReason| c.warnings.iter().any(|w| w.code() == r.code);
+    c.verdict.iter().flat_map(|v| &v.reasons).filter(|r| !warned(r)).collect()
 }
 
 /// Input, method and fit.

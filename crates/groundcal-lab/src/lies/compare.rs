@@ -108,6 +108,8 @@ mod tests {
             scene: "floor".into(),
             converged: Some(true),
             design_effect: Some(1.0),
+            level: String::new(),
+            reasons: Vec::new(),
             variance_factor: None,
             priors: Vec::new(),
         }

@@ -73,6 +73,12 @@ pub struct SceneRecord {
     /// Variance of the residuals over that under single homographies.
     #[serde(default)]
     pub variance_factor: Option<f64>,
+    /// How far the program says that the answer can be trusted; empty: no answer.
+    #[serde(default)]
+    pub level: String,
+    /// Why no further.
+    #[serde(default)]
+    pub reasons: Vec<String>,
     /// Posterior over prior deviation of what has a prior.
     pub priors: Vec<(String, f64)>,
 }
@@ -101,6 +107,8 @@ impl SceneRecord {
             converged: None,
             design_effect: None,
             variance_factor: None,
+            level: String::new(),
+            reasons: Vec::new(),
             priors: Vec::new(),
         };
         match out {
@@ -134,6 +142,8 @@ impl SceneRecord {
         self.scene = answer.scene.to_string();
         self.converged = answer.converged;
         (self.design_effect, self.variance_factor) = (answer.design_effect, answer.variance_factor);
+        self.level = answer.level.to_string();
+        self.reasons.clone_from(&answer.reasons);
         self.priors = answer.priors.iter().map(|(name, ratio)| (name.to_string(), *ratio)).collect();
     }
 

@@ -145,6 +145,16 @@ fn summary(records: &[SceneRecord]) -> String {
         let [right, near, lies] = bands.each_ref().map(|b| b.get(code).copied().unwrap_or(0));
         out += &format!("{code:<34} {right:>14} {near:>11} {lies:>6}\n");
     }
+    out += "\nverdicts                            right answers   3 to 4 sd   lies\n";
+    for level in ["trustworthy", "usable", "unchecked"] {
+        let count = |low: f64, high: f64| {
+            let of = |r: &&SceneRecord| r.is_answer() && r.level == level && (low..high).contains(&r.worst_sigmas());
+            records.iter().filter(of).count()
+        };
+        let [right, near, lies] =
+            [count(-1.0, WRONG_SIGMAS), count(WRONG_SIGMAS, LIE_SIGMAS), count(LIE_SIGMAS, f64::INFINITY)];
+        out += &format!("{level:<34} {right:>14} {near:>11} {lies:>6}\n");
+    }
     let silent = records.iter().filter(|r| r.verdict == Verdict::Lied && r.warnings.is_empty()).count();
     let among = |lied: bool, which: &dyn Fn(&SceneRecord) -> bool| {
         records.iter().filter(|r| r.is_answer() && which(r) && (r.verdict == Verdict::Lied) == lied).count()

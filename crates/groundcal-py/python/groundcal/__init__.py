@@ -13,7 +13,7 @@ Everything counts pixels as OpenCV does: (0, 0) is the centre of the top-left pi
 from __future__ import annotations
 
 from ._calibrate import calibrate
-from ._calibration import Calibration, CalibrationWarning, Covariance, Motion, OpenCV, View, load
+from ._calibration import Calibration, CalibrationWarning, Covariance, Motion, OpenCV, Verdict, View, load
 from ._errors import DegenerateError, GroundcalWarning, InputError
 from ._floor import FloorPicture, Undistorted, rectify, undistort, undistort_maps
 from ._groundcal import VERSION as __version__
@@ -35,6 +35,7 @@ __all__ = [
     "PlannedMotion",
     "Study",
     "Undistorted",
+    "Verdict",
     "View",
     "__version__",
     "calibrate",

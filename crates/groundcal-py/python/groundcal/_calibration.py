@@ -48,6 +48,29 @@ class CalibrationWarning:
 
 
 @dataclass(frozen=True)
+class Verdict:
+    """Whether to trust a result.
+
+    Attributes:
+        level: ``"trustworthy"`` (what was assumed was tried against the images, and held), ``"usable"`` (the images decide less than
+            all), ``"unchecked"`` (the error bars may not hold). ``docs/warnings.md`` has the table.
+        checked: Whether more than the height ratio of a single motion tried how the camera turned.
+        reasons: Why no better: codes, those of warnings or of the verdict's own, each with what it means. The gravest first.
+
+    Example:
+        >>> calibration.verdict.level
+        'trustworthy'
+    """
+
+    level: str
+    checked: bool
+    reasons: Mapping[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.level + "".join(f"; {code}: {message}" for code, message in self.reasons.items())
+
+
+@dataclass(frozen=True)
 class Motion:
     """A pair of images and what became of it.
 
@@ -385,6 +408,17 @@ class Calibration:
         return float(np.sqrt(squares / count)) if count and squares > 0 else None
 
     @cached_property
+    def verdict(self) -> Verdict | None:
+        """Whether to trust it, in one word and with reasons. ``None``: nobody asked (a camera from a file of another program).
+
+        Example:
+            >>> calibration.verdict.checked
+            True
+        """
+        v = self._data.get("verdict")
+        return v and Verdict(v["level"], v["checked"], {r["code"]: r["message"] for r in v["reasons"]})
+
+    @cached_property
     def warnings(self) -> list[CalibrationWarning]:
         """What to beware of, worded in Python's keywords. Empty: nothing.
 
@@ -591,6 +625,8 @@ class Calibration:
         else:
             source = {"estimated": "none found", "not modelled": "not modelled", "given": "none"}
             lines.append(f"  lens  {source.get(lens['source'], lens['source'])}")
+        if self.verdict is not None:
+            lines.append(f"  verdict {self.verdict.level}")
         lines.extend(f"  warning [{w.code}]" for w in self.warnings)
         return "\n".join(lines)
 

@@ -17,6 +17,7 @@ use crate::{
         pictures::Pictures,
     },
     number::decimals_of_sigma,
+    text::{beside_warnings, verdict_line},
 };
 
 /// The page's title.
@@ -82,8 +83,9 @@ fn headline(c: &Calibration, model: &Model) -> String {
         n => format!("<a href=\"#warnings\">{}</a>", counted(n, "warning")),
     };
     format!(
-        "<h1>Camera calibration</h1>\n<p class=\"lead\"><strong>{f}</strong></p>\n\
+        "<h1>Camera calibration</h1>\n{}<p class=\"lead\"><strong>{f}</strong></p>\n\
          <p>{} images of {w} \u{d7} {h} px, {used} of {} pairs used as motions, {}; constraint {}, {}; {warned}.</p>\n",
+        verdict(c),
         c.evidence.images.len(),
         c.motions.len(),
         counted(c.attitudes.len(), "attitude"),
@@ -94,6 +96,13 @@ fn headline(c: &Calibration, model: &Model) -> String {
             Method::Rotating => "rotating-camera method",
         },
     )
+}
+
+/// Whether to trust it; reasons that are warnings stand in full below.
+fn verdict(c: &Calibration) -> String {
+    let Some(v) = &c.verdict else { return String::new() };
+    let own: String = beside_warnings(c).iter().map(|r| format!("<br>{}.", escape(&r.message))).collect();
+    format!("<p class=\"verdict {}\"><strong>{}.</strong>{own}</p>\n", v.level.name(), escape(&verdict_line(v)))
 }
 
 fn warnings(model: &Model) -> String {
