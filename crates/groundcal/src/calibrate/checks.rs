@@ -82,6 +82,10 @@ pub(super) fn doubts(
     warnings.extend(large_uncertainty(percent));
     if let Some(joint) = &solved.joint {
         warnings.extend(straying_motions(solved, joint, pairs, names));
+        warnings.extend(joint.bundle.lever_arm.as_ref().map(|lever_arm| Warning::LensOffAxis {
+            percent_of_distance: 100.0 * lever_arm.over_distance,
+            fx_percent: 100.0 * lever_arm.moves_ln_f.abs(),
+        }));
         let floors = joint.floors;
         if floors.contradict >= MIN_CONTRADICTIONS && floors.contradict > floors.agree {
             warnings.push(Warning::FloorsContradict { agree: floors.agree, contradict: floors.contradict });

@@ -8,7 +8,7 @@ use crate::{
         joint::Joint,
         lens_result::LensResult,
         names::Names,
-        options::Method,
+        options::{Method, MotionModel},
         solved::Solved,
         stage_options::StageOptions,
     },
@@ -63,7 +63,7 @@ pub(super) fn assemble(
     for (motion, diagnosis) in calibration.motions.iter_mut().zip(diagnoses) {
         motion.diagnosis = diagnosis;
     }
-    calibration.verdict = Some(verdict_on(&calibration));
+    calibration.verdict = Some(verdict_on(&calibration, stages.options.motion == MotionModel::Turning));
     calibration
 }
 

@@ -17,6 +17,7 @@ use crate::{
         elimination::Reduced,
         evidence::Evidence,
         layout::Ingredients,
+        lever::LeverArm,
         problem::Problem,
         profile::profile_widening,
         release::released,
@@ -100,6 +101,10 @@ struct Fit {
     residuals: Vec<Vec<Vector2<f64>>>,
     /// Their squares without the weights of the loss.
     squared_residuals: Vec<Vec<f64>>,
+}
+
+fn minimum(fit: &Fit) -> Minimum<'_> {
+    Minimum { state: &fit.out.state, factor: &fit.factor, gradient: &fit.out.linearised.gradient }
 }
 
 impl<'a> Rounds<'a> {
@@ -193,8 +198,7 @@ impl<'a> Rounds<'a> {
 
     /// Has a number more estimated where the residuals ask for it.
     fn release(&mut self, fit: &Fit) -> bool {
-        let at = Minimum { state: &fit.out.state, factor: &fit.factor, gradient: &fit.out.linearised.gradient };
-        let released = released(&self.problem, self.tracks, at);
+        let released = released(&self.problem, self.tracks, minimum(fit));
         let any = released.is_some();
         if let Some(problem) = released {
             self.problem = problem;
@@ -211,6 +215,7 @@ impl<'a> Rounds<'a> {
         observer: &dyn Observer,
     ) -> Result<Bundle, Error> {
         let (problem, tracks) = (&self.problem, self.tracks);
+        let lever_arm = LeverArm::of(problem, minimum(&fit));
         let Fit { out, factor, squared_residuals, .. } = fit;
         // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
         let dof = weighing.degrees_of_freedom;
@@ -224,6 +229,10 @@ impl<'a> Rounds<'a> {
         observer.go_on()?;
         let widened = student * unexplained * nonlinear * nonlinear;
         let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };
+        let mut cameras = with_departures(solution.cameras(), components);
+        if let Some((lever_arm, first)) = lever_arm.as_ref().zip(cameras.first_mut()) {
+            lever_arm.widen(&mut first.covariance);
+        }
         let variance_factors = std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k]));
         let residuals = std::array::from_fn(|k| (weighing.of_kinds[k], variance_factors[k]));
         let at = (&out.state, &out.linearised);
@@ -232,7 +241,8 @@ impl<'a> Rounds<'a> {
             |k: usize| tracks.iter().filter(|t| t.kind as usize == k).map(|t| t.observations.len()).sum();
         Ok(Bundle {
             scene: problem.scene,
-            cameras: with_departures(solution.cameras(), components),
+            cameras,
+            lever_arm,
             unknowns: problem.cameras.clone(),
             rig: solution.rig(),
             groups: solution.groups(),

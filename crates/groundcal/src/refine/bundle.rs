@@ -8,6 +8,7 @@ use crate::{
     refine::{
         blocks::{CameraState, CameraUnknowns, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
         evidence::Evidence,
+        lever::LeverArm,
         residual::SceneModel,
         tracks::KINDS,
         variance_components::Component,
@@ -150,6 +151,8 @@ pub struct Bundle {
     pub height_sigma: Component,
     /// Deviation of each kind of departure of the frames' pictures (relative f, radians, frame units); zero where it is not estimated.
     pub departure_sigmas: [Component; DepartureKind::ALL.len()],
+    /// Parallax that a camera taken to turn on the spot shows, which the covariance of the first camera allows for; `None`: none.
+    pub lever_arm: Option<LeverArm>,
     /// Weighted squared residuals over their degrees of freedom, before the weights were scaled by it, for each
     /// [`crate::refine::Kind`]; 1 where there are none.
     pub variance_factors: [f64; KINDS],

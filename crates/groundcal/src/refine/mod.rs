@@ -22,6 +22,7 @@ pub(crate) mod covariance;
 pub mod elimination;
 pub(crate) mod evidence;
 pub mod layout;
+pub(crate) mod lever;
 pub mod problem;
 pub(crate) mod profile;
 pub(crate) mod release;
@@ -38,6 +39,7 @@ pub use blocks::{
 };
 pub use bundle::{Bundle, CameraEstimate, GroupEstimate, JointCovariance, RigEstimate, ViewEstimate};
 pub use evidence::Evidence;
+pub use lever::LeverArm;
 pub use residual::SceneModel;
 pub use tracks::{KINDS, Kind, Observation, Track};
 pub use variance_components::{Component, disagreement};

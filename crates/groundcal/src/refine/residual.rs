@@ -199,7 +199,7 @@ pub struct Projection {
     /// By the point's homogeneous coordinates.
     pub by_point: Matrix2x3<f64>,
     /// By camera coordinates.
-    by_camera_point: Matrix2x3<f64>,
+    pub(crate) by_camera_point: Matrix2x3<f64>,
     /// What the rotations turn: camera coordinates less the camera's translation in the rig.
     turned: Vector3<f64>,
     /// The point's weight of translations.

@@ -1,15 +1,16 @@
-//! A number that the model leaves out: what it would be, how well that is known, and what all others would be with it.
+//! Numbers that the model leaves out: what they would be, how well that is known, and what all others would be with them.
 //!
 //! ```text
-//! a = Jᵀ M c,   d = cᵀ M c,   g = cᵀ M r,      M = I - P (Pᵀ P)⁻¹ Pᵀ
-//! S = d - aᵀ A⁻¹ a,      δ = -(g - aᵀ A⁻¹ ∇) / S,      T = δ² S ~ χ²(1) where the number is what it is held at
+//! B = Jᵀ M C,   D = Cᵀ M C,   g = Cᵀ M r,      M = I - P (Pᵀ P)⁻¹ Pᵀ
+//! S = D + Λ - Bᵀ A⁻¹ B,   δ = -S⁻¹ (g - Bᵀ A⁻¹ ∇),   T = δᵀ S δ ~ χ²(m) where the numbers are what they are held at
+//! the columns move by -A⁻¹ B δ
 //! ```
 //!
-//! c: derivative of the observations by the number; J: by the columns; P: by the point of each track; A and ∇: information and gradient
-//! of the columns at the solution. The number takes no column, and nothing is solved again: a score (Lagrange multiplier) test (Rao
-//! 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*).
+//! C: derivatives of the observations by the m numbers; J: by the columns; P: by the point of each track; A and ∇: information and gradient
+//! of the columns at the solution; Λ: information of the numbers' priors. The numbers take no column, and nothing is solved again: a score
+//! (Lagrange multiplier) test (Rao 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*). With Λ, T is a little small.
 
-use nalgebra::{DVector, Vector2};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use rayon::prelude::*;
 
 use crate::{
@@ -23,19 +24,21 @@ use crate::{
     },
 };
 
-/// A number left out, as the residuals have it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Score {
-    /// What it would be, from what it is held at.
-    pub(crate) step: f64,
-    /// Its variance.
-    pub(crate) variance: f64,
+/// Numbers left out, as the residuals have them.
+#[derive(Debug, Clone)]
+pub(crate) struct Score<const NUMBERS: usize> {
+    /// What they would be, from what they are held at.
+    pub(crate) step: SVector<f64, NUMBERS>,
+    /// T: the fall of -2 ln likelihood with them.
+    pub(crate) statistic: f64,
+    /// By how much the columns of the problem would move with the step.
+    pub(crate) moves: DVector<f64>,
 }
 
-impl Score {
-    /// Probability of as large a step where the number is what it is held at.
+impl<const NUMBERS: usize> Score<NUMBERS> {
+    /// Probability of as large a step where the numbers are what they are held at.
     pub(crate) fn chance(&self) -> f64 {
-        chi_squared_survival(self.step * self.step / self.variance, 1)
+        chi_squared_survival(self.statistic, NUMBERS)
     }
 }
 
@@ -48,89 +51,109 @@ pub(crate) struct Minimum<'a> {
     pub(crate) gradient: &'a DVector<f64>,
 }
 
-/// Derivative of an observation by the number: of (frame, camera), its projection and what was seen there.
-pub(crate) type ByNumber<'a> = dyn Fn((usize, usize), &Projection, &Seen) -> Vector2<f64> + Sync + 'a;
+/// Derivatives of an observation by the numbers: of (frame, camera), its projection and what was seen there.
+pub(crate) type ByNumbers<'a, const NUMBERS: usize> =
+    dyn Fn((usize, usize), &Projection, &Seen) -> SMatrix<f64, 2, NUMBERS> + Sync + 'a;
 
-/// A cluster's part of the products with the derivative by the number.
-struct Products {
-    with_columns: Vec<f64>,
-    with_itself: f64,
-    with_residuals: f64,
+/// A cluster's part of the products with the derivatives by the numbers.
+struct Products<const NUMBERS: usize> {
+    with_columns: Vec<SVector<f64, NUMBERS>>,
+    with_themselves: SMatrix<f64, NUMBERS, NUMBERS>,
+    with_residuals: SVector<f64, NUMBERS>,
 }
 
-impl Products {
+impl<const NUMBERS: usize> Products<NUMBERS> {
     fn of(columns: usize) -> Self {
-        Self { with_columns: vec![0.0; columns], with_itself: 0.0, with_residuals: 0.0 }
+        Self {
+            with_columns: vec![SVector::zeros(); columns],
+            with_themselves: SMatrix::zeros(),
+            with_residuals: SVector::zeros(),
+        }
     }
 
-    /// Adds those of a track: its rows, and the derivative by the number in each of them. `None` when the point is not determined.
-    fn add(&mut self, rows: &TrackRows, cluster: &Cluster, by_number: &mut [f64]) -> Option<()> {
-        let along_first = rows.by_point(0);
-        let first_norm = along_first.clone().map(|p| p * p).sum::<f64>();
-        let common = along_first.clone().zip(rows.by_point(1)).map(|(p, q)| p * q).sum::<f64>() / first_norm;
+    /// Adds those of a track: its rows, and the derivatives by the numbers in each of them. `None` when the point is not determined.
+    fn add(&mut self, rows: &TrackRows, cluster: &Cluster, by_numbers: &mut [SVector<f64, NUMBERS>]) -> Option<()> {
+        let [p, q] = [0, 1].map(|coordinate| rows.by_point(coordinate));
+        let p_norm = p.clone().map(|p| p * p).sum::<f64>();
+        let common = p.clone().zip(q.clone()).map(|(p, q)| p * q).sum::<f64>() / p_norm;
         // Two orthogonal directions that the point takes up (Gram and Schmidt).
-        let second = along_first.clone().zip(rows.by_point(1)).map(|(p, q)| q - common * p);
-        let second_norm = second.clone().map(|q| q * q).sum::<f64>();
-        if !(first_norm > 0.0 && second_norm > 0.0) {
+        let q = p.clone().zip(q).map(|(p, q)| q - common * p);
+        let q_norm = q.clone().map(|q| q * q).sum::<f64>();
+        if !(p_norm > 0.0 && q_norm > 0.0) {
             return None;
         }
-        let along =
-            |direction: &mut dyn Iterator<Item = f64>, by: &[f64]| direction.zip(by).map(|(d, c)| d * c).sum::<f64>();
-        let of_first = along(&mut along_first.clone(), by_number) / first_norm;
-        let of_second = along(&mut second.clone(), by_number) / second_norm;
-        for ((c, p), q) in by_number.iter_mut().zip(along_first).zip(second) {
-            *c -= of_first * p + of_second * q;
+        let (mut of_p, mut of_q) = (SVector::<f64, NUMBERS>::zeros(), SVector::<f64, NUMBERS>::zeros());
+        for ((c, p), q) in by_numbers.iter().zip(p.clone()).zip(q.clone()) {
+            of_p += c * (p / p_norm);
+            of_q += c * (q / q_norm);
         }
-        for (o, (c, places)) in by_number.as_chunks::<2>().0.iter().zip(&cluster.places).enumerate() {
+        for ((c, p), q) in by_numbers.iter_mut().zip(p).zip(q) {
+            *c -= of_p * p + of_q * q;
+        }
+        for (o, ([cx, cy], places)) in by_numbers.as_chunks::<2>().0.iter().zip(&cluster.places).enumerate() {
             let [x, y] = rows.observation(o);
             for &place in &places.occupied {
-                self.with_columns[place] += c[0] * x[place] + c[1] * y[place];
+                self.with_columns[place] += cx * x[place] + cy * y[place];
             }
             let [rx, ry] = rows.residual(o);
-            self.with_residuals += c[0] * rx + c[1] * ry;
-            self.with_itself += c[0] * c[0] + c[1] * c[1];
+            self.with_residuals += cx * rx + cy * ry;
+            self.with_themselves += cx * cx.transpose() + cy * cy.transpose();
         }
         Some(())
     }
 }
 
 impl Problem {
-    /// The score of a number that has no column. `None` where the residuals do not depend on it beside the others.
-    pub(crate) fn score(&self, at: Minimum<'_>, by_number: &ByNumber<'_>) -> Option<Score> {
+    /// The score of numbers that have no columns, with the standard deviation that each has beforehand (infinite: none). `None` where the
+    /// residuals do not depend on them beside the others.
+    pub(crate) fn score<const NUMBERS: usize>(
+        &self,
+        at: Minimum<'_>,
+        sigma: f64,
+        by_numbers: &ByNumbers<'_, NUMBERS>,
+    ) -> Option<Score<NUMBERS>> {
         let Minimum { state, factor, gradient } = at;
         let views = self.views(state);
         let of_chunk = |(cluster, tracks): &(usize, &[usize])| {
             let c = &self.clusters[*cluster];
             let mut products = Products::of(c.columns.len());
             let mut rows = TrackRows::new(c);
-            let mut derivatives = vec![0.0; 2 * c.images.len()];
+            let mut derivatives = vec![SVector::zeros(); 2 * c.images.len()];
             for &t in *tracks {
                 self.linearise_track((c, t), state, &views, &mut rows, |o, projection, seen, root| {
-                    let by = by_number(c.images[o], projection, seen);
-                    (derivatives[2 * o], derivatives[2 * o + 1]) = (root[0] * by.x + root[1] * by.y, root[2] * by.y);
+                    let by = by_numbers(c.images[o], projection, seen);
+                    derivatives[2 * o] = (by.row(0) * root[0] + by.row(1) * root[1]).transpose();
+                    derivatives[2 * o + 1] = (by.row(1) * root[2]).transpose();
                 })?;
                 products.add(&rows, c, &mut derivatives)?;
             }
             Some(products)
         };
         let chunks = self.chunks();
-        let parts: Vec<Option<Products>> = chunks.par_iter().map(of_chunk).collect();
-        let mut with_columns = DVector::zeros(self.layout.size);
-        let (mut with_itself, mut with_residuals) = (0.0, 0.0);
+        let parts: Vec<Option<Products<NUMBERS>>> = chunks.par_iter().map(of_chunk).collect();
+        let mut with_columns = DMatrix::zeros(self.layout.size, NUMBERS);
+        let mut information = SMatrix::<f64, NUMBERS, NUMBERS>::identity() / (sigma * sigma);
+        let mut right = SVector::<f64, NUMBERS>::zeros();
         for ((cluster, _), part) in chunks.iter().zip(parts) {
             let part = part?;
-            with_itself += part.with_itself;
-            with_residuals += part.with_residuals;
-            self.clusters[*cluster]
-                .columns
-                .iter()
-                .zip(part.with_columns)
-                .for_each(|(&c, value)| with_columns[c] += value);
+            information += part.with_themselves;
+            right += part.with_residuals;
+            for (&column, value) in self.clusters[*cluster].columns.iter().zip(&part.with_columns) {
+                let mut row = with_columns.row_mut(column);
+                row += value.transpose();
+            }
         }
-        let explained = factor.solve(&with_columns);
-        let information = with_itself - with_columns.dot(&explained);
-        let step = -(with_residuals - explained.dot(gradient)) / information;
-        let score = Score { step, variance: 1.0 / information };
-        (score.variance > 0.0 && score.variance.is_finite() && score.step.is_finite()).then_some(score)
+        for number in 0..NUMBERS {
+            let column = with_columns.column(number).into_owned();
+            let explained = factor.solve(&column);
+            right[number] -= explained.dot(gradient);
+            for other in 0..NUMBERS {
+                information[(other, number)] -= with_columns.column(other).dot(&explained);
+            }
+        }
+        let step = -(information.try_inverse()? * right);
+        let statistic = step.dot(&(information * step));
+        let moves = -factor.solve(&(with_columns * step));
+        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { step, statistic, moves })
     }
 }

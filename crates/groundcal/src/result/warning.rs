@@ -114,6 +114,13 @@ pub enum Warning {
         /// Twice the logarithm of the odds of the images with it over those without.
         twice_log_odds: f64,
     },
+    /// A camera that turned on the spot shows parallax: its lens was off the axis of turning, before things that are not far away.
+    LensOffAxis {
+        /// How far off, in per cent of the distance of the things seen, were that alike for all.
+        percent_of_distance: f64,
+        /// By how much fx may be wrong for it, per cent; it is in the error bars.
+        fx_percent: f64,
+    },
     /// A background that does not move had more support than the plane used.
     StaticBackground {
         /// First image.
@@ -207,6 +214,7 @@ impl Warning {
             Warning::PriorDecides { .. } => "prior_decides",
             Warning::PriorContradicted(_) => "prior_contradicted",
             Warning::PicturesDepart { .. } => "pictures_depart",
+            Warning::LensOffAxis { .. } => "lens_off_axis",
             Warning::StaticBackground { .. } => "static_background",
             Warning::DuplicateImages { .. } => "duplicate_images",
             Warning::LargeUncertainty { .. } => "large_uncertainty",
@@ -282,6 +290,10 @@ impl Warning {
                 100.0 * posterior_over_prior
             ),
             Warning::PicturesDepart { departure, sigma, .. } => departing(*departure, *sigma),
+            Warning::LensOffAxis { percent_of_distance, fx_percent } => format!(
+                "the images are those of a camera turning on the spot, but show parallax: the lens was off the axis of turning, by about \
+                 {percent_of_distance:.2} % of the distance of what it saw. fx may be wrong by {fx_percent:.2} % for it, which is in its error bar"
+            ),
             Warning::PriorContradicted(conflict) => contradiction(conflict),
             Warning::StaticBackground { from, to, matches } => format!(
                 "{from} and {to}: {matches} matches stand still, more than move; a background (or a part of the camera's carrier) that \
@@ -334,6 +346,7 @@ impl Warning {
             Warning::PriorDecides { .. } => vec![Remedy::VaryTiltAndRoll, Remedy::GiveValue],
             Warning::PriorContradicted(_) => vec![Remedy::GiveValue, Remedy::CheckImages],
             Warning::PicturesDepart { .. } => vec![Remedy::CheckImages],
+            Warning::LensOffAxis { .. } => vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor],
             Warning::StaticBackground { .. } => vec![Remedy::MaskBackground],
             Warning::DuplicateImages { .. } => vec![Remedy::RemoveDuplicate],
             Warning::LargeUncertainty { .. } => vec![Remedy::ClearMotions],
@@ -487,6 +500,7 @@ mod tests {
                 twice_log_odds: 200.0,
             }),
             Warning::PicturesDepart { departure: PictureDeparture::RowTurn, sigma: 0.4, twice_log_odds: 90.0 },
+            Warning::LensOffAxis { percent_of_distance: 0.7, fx_percent: 1.2 },
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },
             Warning::DuplicateImages { first: "a".into(), second: "b".into() },
             Warning::LargeUncertainty { percent: 7.0 },
