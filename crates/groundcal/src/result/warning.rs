@@ -123,6 +123,11 @@ pub enum Warning {
         /// Matches that stand still.
         matches: usize,
     },
+    /// Something stands still in all images, and was set aside before they were matched.
+    StillInAllImages {
+        /// Share of the places with detail that it takes, per cent.
+        percent: f64,
+    },
     /// Two inputs are the same image.
     DuplicateImages {
         /// First name.
@@ -208,6 +213,7 @@ impl Warning {
             Warning::PriorContradicted(_) => "prior_contradicted",
             Warning::PicturesDepart { .. } => "pictures_depart",
             Warning::StaticBackground { .. } => "static_background",
+            Warning::StillInAllImages { .. } => "still_in_all_images",
             Warning::DuplicateImages { .. } => "duplicate_images",
             Warning::LargeUncertainty { .. } => "large_uncertainty",
             Warning::NeighboursOnly { .. } => "neighbours_only",
@@ -287,6 +293,10 @@ impl Warning {
                 "{from} and {to}: {matches} matches stand still, more than move; a background (or a part of the camera's carrier) that \
                  does not move was set aside"
             ),
+            Warning::StillInAllImages { percent } => format!(
+                "{percent:.1} % of what is seen stands still in all images (a part of the camera's carrier, a background, a date stamp); it was \
+                 set aside, and the rest was matched"
+            ),
             Warning::DuplicateImages { first, second } => {
                 format!("{first} and {second} are the same image; a pair of them says nothing")
             }
@@ -335,6 +345,7 @@ impl Warning {
             Warning::PriorContradicted(_) => vec![Remedy::GiveValue, Remedy::CheckImages],
             Warning::PicturesDepart { .. } => vec![Remedy::CheckImages],
             Warning::StaticBackground { .. } => vec![Remedy::MaskBackground],
+            Warning::StillInAllImages { .. } => vec![Remedy::MaskBackground],
             Warning::DuplicateImages { .. } => vec![Remedy::RemoveDuplicate],
             Warning::LargeUncertainty { .. } => vec![Remedy::ClearMotions],
             Warning::NeighboursOnly { .. } => vec![Remedy::ComparePairs],
@@ -488,6 +499,7 @@ mod tests {
             }),
             Warning::PicturesDepart { departure: PictureDeparture::RowTurn, sigma: 0.4, twice_log_odds: 90.0 },
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },
+            Warning::StillInAllImages { percent: 12.5 },
             Warning::DuplicateImages { first: "a".into(), second: "b".into() },
             Warning::LargeUncertainty { percent: 7.0 },
             Warning::NeighboursOnly { images: 50 },
