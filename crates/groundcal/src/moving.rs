@@ -29,7 +29,7 @@ pub struct NotCalibrated {
     /// The reason.
     pub error: Error,
     /// What stood still and was set aside.
-    pub still: Option<Warning>,
+    pub still: Option<Box<Warning>>,
 }
 
 /// Calibrates from images as [`calibrate_images`] does, without what stands still in all of them.
@@ -45,7 +45,7 @@ pub fn calibrate_moving(
     let found = set_still_parts_aside(&mut images, observer).map_err(|error| NotCalibrated { error, still: None })?;
     let still = found.map(|found| Warning::StillInAllImages { percent: 100.0 * found.share });
     let calibrated = |options: &Options| {
-        let failed = |error| NotCalibrated { error, still: still.clone() };
+        let failed = |error| NotCalibrated { error, still: still.clone().map(Box::new) };
         calibrate_images(names, &images, options, observer).map_err(failed)
     };
     let mut calibration = calibrated(options)?;
