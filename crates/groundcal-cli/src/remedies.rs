@@ -12,6 +12,7 @@ impl Wording for Flags {
                 "say so with --motion plane-normal if you know that the camera turned without tilting"
             }
             Remedy::NamePairs => "name the true motions with --pairs",
+            Remedy::MaskBackground => "say with --mask what of the images is to be used",
             Remedy::LeavePairOut => "leave the pair out (--pairs)",
             Remedy::ComparePairs => "give --pairs to compare others",
             Remedy::GiveLensCoefficients => "give the lens's k1 with --k1 (and --k2) if you know it",

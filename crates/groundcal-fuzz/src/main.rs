@@ -1,7 +1,7 @@
 //! Mutated inputs for every reader, and for calibrations from matches.
 //!
 //! An input is taken from a pool, mutated and given to a target. A panic, a message that no user should see, memory beyond 2 GB or ten
-//! seconds without an end are findings, and their inputs are kept. What a target answers, numbers and names taken out, is its
+//! seconds of work without an end are findings, and their inputs are kept. What a target answers, numbers and names taken out, is its
 //! signature: an input with a signature that was not seen before joins the pool, so that the search goes deeper where the reader does.
 //! That takes the place of counting branches, for which a compiler other than the stable one is needed.
 //!

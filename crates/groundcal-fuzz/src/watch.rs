@@ -9,8 +9,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// The longest that an input may take.
+/// The longest that an input may take, in time of processors: beside other work the clock on the wall runs on.
 const LONGEST: Duration = Duration::from_secs(10);
+/// The longest on the wall: who waits for ever takes no time of processors.
+const LONGEST_WAIT: Duration = Duration::from_secs(600);
 /// Kilobytes of memory that the process may have.
 const MOST_KB: u64 = 2_000_000;
 /// Between looks.
@@ -30,11 +32,21 @@ impl Watch {
         let watch = Self { started: Instant::now(), begun: Arc::default(), done: Arc::default() };
         let (begun, done, started) = (watch.begun.clone(), watch.done.clone(), watch.started);
         std::thread::spawn(move || {
+            // The input seen at the last look, and the time of processors that was used before it, or at most a nap later.
+            let (mut seen, mut used_before) = (0, Duration::ZERO);
             while !done.load(Ordering::Relaxed) {
                 let since = begun.load(Ordering::Relaxed);
                 let now = started.elapsed().as_micros() as u64;
-                if since > 0 && now.saturating_sub(since) > LONGEST.as_micros() as u64 {
-                    give_up(&input, &kept, &format!("no end after {} s", LONGEST.as_secs()));
+                let waited = Duration::from_micros(now.saturating_sub(since));
+                // Where the system does not say it, the wall's has to do.
+                let used = processor_time().unwrap_or(started.elapsed());
+                if since != seen {
+                    (seen, used_before) = (since, used);
+                }
+                let worked = used.saturating_sub(used_before);
+                if since > 0 && (worked > LONGEST || waited > LONGEST_WAIT) {
+                    let (worked, waited) = (worked.as_secs(), waited.as_secs());
+                    give_up(&input, &kept, &format!("no end after {worked} s of work in {waited} s"));
                 }
                 if let Some(kb) = resident_kb().filter(|kb| *kb > MOST_KB) {
                     give_up(&input, &kept, &format!("{kb} kB of memory"));
@@ -64,6 +76,16 @@ fn give_up(input: &Path, kept: &Path, why: &str) -> ! {
     let copied = std::fs::copy(input, kept);
     eprintln!("finding: {why}: {} ({copied:?})", kept.display());
     std::process::exit(1)
+}
+
+/// Time of processors that this process has had, where the system says it: hundredths of a second, of the program and of the system for it.
+fn processor_time() -> Option<Duration> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name, in brackets, may hold anything.
+    let after_name = stat.rsplit_once(')')?.1;
+    let fields: Vec<&str> = after_name.split_whitespace().collect();
+    let hundredths: u64 = fields.get(11)?.parse::<u64>().ok()? + fields.get(12)?.parse::<u64>().ok()?;
+    Some(Duration::from_millis(10 * hundredths))
 }
 
 /// Memory of this process, where the system says it.

@@ -94,7 +94,8 @@ fn matching(pattern: &str) -> Result<Vec<PathBuf>, IoError> {
     Ok(found)
 }
 
-fn images_in(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
+/// The image files of a folder, in natural order.
+pub(crate) fn images_in(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
     let cannot = |e: std::io::Error| IoError::Input(format!("cannot read the folder {}: {e}", shown(folder)));
     let (mut found, mut raw, mut others) = (Vec::new(), Vec::new(), 0);
     for entry in std::fs::read_dir(folder).map_err(cannot)? {

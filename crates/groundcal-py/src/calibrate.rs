@@ -1,24 +1,25 @@
 //! `calibrate`, from each kind of source.
 
-use std::path::PathBuf;
+use std::{path::PathBuf, sync::Arc};
 
 use groundcal::{
-    calibrate::{calibrate_homographies, calibrate_images, calibrate_matches},
+    calibrate::{calibrate_homographies, calibrate_matches},
     error::Error,
     geometry::{
         frame::Frame,
         homography::{Homography, HomographyCovariance, covariance_in_frame},
         size::ImageSize,
     },
+    moving::{Moving, calibrate_moving},
     pairs::{
         correspondence::{ImagePair, PointMatch},
         refine::HomographyEstimate,
     },
     result::{Calibration, Warning},
-    vision::image::GrayImage,
+    vision::{image::GrayImage, mask::Mask},
 };
 use groundcal_io::{
-    images::{Arrays, read_images_until},
+    images::{Arrays, MaskFiles, read_images_until},
     inputs::{Inputs, find_inputs},
     matches::{PairChoice, PointPairs, TracksOfImage, pairs_of_tracks, read_matches, read_pairs},
     names::image_names,
@@ -26,7 +27,7 @@ use groundcal_io::{
     text::shown,
 };
 use nalgebra::Matrix3;
-use numpy::PyReadonlyArray2;
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::{
     exceptions::PyTypeError,
     prelude::*,
@@ -87,6 +88,91 @@ impl NamedPairs {
     }
 }
 
+/// `mask=`: a file or a folder, or arrays: one for all images, or one for each.
+enum GivenMask {
+    Path(PathBuf),
+    Arrays(Vec<Arc<Mask>>),
+}
+
+impl GivenMask {
+    fn of(given: &Bound<'_, PyDict>) -> PyResult<Option<Self>> {
+        let Some(value) = given.get_item("mask")?.filter(|v| !v.is_none()) else { return Ok(None) };
+        if value.is_instance_of::<PyString>() || value.hasattr("__fspath__")? {
+            return Ok(Some(Self::Path(value.extract()?)));
+        }
+        let mut masks = Vec::new();
+        for array in value.try_iter()? {
+            let array: PyReadonlyArray2<bool> = array?.extract()?;
+            let size = ImageSize::new(array.shape()[1], array.shape()[0]);
+            let used: Vec<bool> = array.as_array().iter().copied().collect();
+            if !used.contains(&true) {
+                return Err(Failure::option("mask=: nothing of it is used").raise(given.py()));
+            }
+            let mask = Mask::new(size, &used).ok_or_else(|| Failure::option("mask=: too large").raise(given.py()))?;
+            masks.push(Arc::new(mask));
+        }
+        Ok(Some(Self::Arrays(masks)))
+    }
+
+    /// Before anything is read.
+    fn files(&self, images: &[PathBuf]) -> Result<Option<MaskFiles>, Failure> {
+        match self {
+            Self::Path(path) => Ok(Some(MaskFiles::find(path, images)?)),
+            Self::Arrays(masks) if masks.len() != 1 && masks.len() != images.len() => {
+                Err(Failure::option(format!("mask=: {} masks for {} images", masks.len(), images.len())))
+            }
+            Self::Arrays(_) => Ok(None),
+        }
+    }
+
+    fn put_on(
+        &self,
+        found: Option<&MaskFiles>,
+        images: Vec<GrayImage>,
+        files: &[PathBuf],
+    ) -> Result<Vec<GrayImage>, Failure> {
+        match (self, found) {
+            (_, Some(found)) => Ok(found.put_on(images, files)?),
+            (Self::Arrays(masks), None) => {
+                let of = |(i, image): (usize, GrayImage)| {
+                    let mask = masks.get(i).or(masks.first()).map(Arc::clone);
+                    let masked = mask.map_or_else(|| Ok(image.clone()), |mask| image.clone().masked(mask));
+                    masked.map_err(|e| Failure::option(format!("mask=: {e}")))
+                };
+                images.into_iter().enumerate().map(of).collect()
+            }
+            (Self::Path(_), None) => Ok(images),
+        }
+    }
+
+    /// Where there are no images.
+    fn refuse(given: &Bound<'_, PyDict>) -> PyResult<()> {
+        match Self::of(given)? {
+            None => Ok(()),
+            Some(_) => Err(Failure::option("mask= goes with images").raise(given.py())),
+        }
+    }
+}
+
+/// From images, with their masks, and without what stands still in all of them.
+fn of_images(
+    asked: &Asked,
+    names: &[String],
+    images: Vec<GrayImage>,
+    masks: Option<(&GivenMask, Option<&MaskFiles>)>,
+    files: Vec<PathBuf>,
+    watch: &work::Watch,
+) -> Result<Handle, Failure> {
+    let named: Vec<PathBuf> = if files.is_empty() { names.iter().map(PathBuf::from).collect() } else { files.clone() };
+    let images = match masks {
+        Some((masks, found)) => masks.put_on(found, images, &named)?,
+        None => images,
+    };
+    let Moving { calibration, images } =
+        calibrate_moving(names, images, &asked.options, watch).map_err(|failed| Failure::from(failed.error))?;
+    finished(asked, calibration, images, files)
+}
+
 /// The calibration with its lengths in metres, if asked.
 fn finished(
     asked: &Asked,
@@ -112,7 +198,9 @@ pub(crate) fn calibrate_files<'py>(
 ) -> PyResult<Made> {
     let mut asked = Asked::of(options)?;
     let pairs = NamedPairs::of(options)?;
+    let mask = GivenMask::of(options)?;
     work::run(py, asked.threads, progress, move |watch| match find_inputs(&paths)? {
+        Inputs::Csv(_) if mask.is_some() => Err(Failure::option("mask= goes with images")),
         Inputs::Csv(path) => of_csv(asked, pairs, path, watch),
         Inputs::Images(files) => {
             if asked.image_size.is_some() {
@@ -124,13 +212,14 @@ pub(crate) fn calibrate_files<'py>(
             if let Some(pairs) = &pairs {
                 asked.options.pairs = Some(pairs.indices(&names)?);
             }
+            let found = mask.as_ref().map(|mask| mask.files(&files)).transpose()?.flatten();
             let read = read_images_until(&files, watch)?;
             let mut notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
             if let Some(image) = read.images.first() {
                 notes.extend(asked.take_lens(image.size())?);
             }
-            let calibration = calibrate_images(&names, &read.images, &asked.options, watch)?;
-            Ok((finished(&asked, calibration, read.images, files)?, notes))
+            let masks = mask.as_ref().map(|mask| (mask, found.as_ref()));
+            Ok((of_images(&asked, &names, read.images, masks, files, watch)?, notes))
         }
     })
 }
@@ -206,6 +295,7 @@ pub(crate) fn calibrate_arrays<'py>(
     if let Some(pairs) = NamedPairs::of(options)? {
         asked.options.pairs = Some(pairs.indices(&names).map_err(|e| e.raise(py))?);
     }
+    let mask = GivenMask::of(options)?;
     let mut all = Arrays::default();
     for (name, image) in names.iter().zip(&images) {
         arrays::with_pixels(image, name, bgr, |pixels| all.add(&pixels).map_err(|e| Failure::from(e).raise(py)))?;
@@ -217,8 +307,10 @@ pub(crate) fn calibrate_arrays<'py>(
         if let Some(image) = all.images.first() {
             notes.extend(asked.take_lens(image.size())?);
         }
-        let calibration = calibrate_images(&names, &all.images, &asked.options, watch)?;
-        Ok((finished(&asked, calibration, all.images, Vec::new())?, notes))
+        let named: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
+        let found = mask.as_ref().map(|mask| mask.files(&named)).transpose()?.flatten();
+        let masks = mask.as_ref().map(|mask| (mask, found.as_ref()));
+        Ok((of_images(&asked, &names, all.images, masks, Vec::new(), watch)?, notes))
     })
 }
 
@@ -236,6 +328,7 @@ pub(crate) fn calibrate_pairs<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Made> {
     let asked = Asked::of(options)?;
+    GivenMask::refuse(options)?;
     let listed = NamedPairs::of(options)?;
     let mut all = Vec::new();
     for (from, to, a, b, sigma_px) in &pairs {
@@ -268,6 +361,7 @@ pub(crate) fn calibrate_tracks<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Made> {
     let asked = Asked::of(options)?;
+    GivenMask::refuse(options)?;
     let listed = NamedPairs::of(options)?;
     let of = |(image, tracks, points): GivenTracks<'py>| {
         let points = points.as_array().outer_iter().map(|p| [p[0], p[1]]).collect();
@@ -301,6 +395,7 @@ pub(crate) fn calibrate_planes<'py>(
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Made> {
     let mut asked = Asked::of(options)?;
+    GivenMask::refuse(options)?;
     if NamedPairs::of(options)?.is_some() {
         return Err(Failure::option("pairs= has no meaning for homographies: all of them are motions").raise(py));
     }

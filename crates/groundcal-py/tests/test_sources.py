@@ -102,6 +102,37 @@ def test_contiguous_bytes_are_not_copied(pictures: list[scene.Array]) -> None:
     assert copied.flags.c_contiguous and not np.shares_memory(copied, pictures[0])
 
 
+def test_masks(tmp_path: Path, pictures: list[scene.Array], made: groundcal.Calibration) -> None:
+    names = scene.names()
+    rng = np.random.default_rng(5)
+    bumper = np.kron(rng.integers(0, 255, (15, 80)), np.ones((4, 4))).astype(np.uint8)
+    painted = [p.copy() for p in pictures]
+    for p in painted:
+        p[180:] = bumper if p.ndim == 2 else bumper[..., None]
+    found = groundcal.calibrate(painted, names=names)
+    assert_true(found)
+    assert [w.code for w in found.warnings].count("still_in_all_images") == 1
+    used = np.zeros(SIZE[::-1], dtype=np.uint8)
+    used[:176] = 1
+    masked = groundcal.calibrate(painted, names=names, mask=used)
+    assert_true(masked)
+    assert "still_in_all_images" not in [w.code for w in masked.warnings]
+    assert groundcal.calibrate(painted, names=names, mask=[used > 0] * len(names)) == masked
+    scene.write_png(tmp_path / "mask.png", used * 255)
+    assert groundcal.calibrate(painted, names=names, mask=tmp_path / "mask.png") == masked
+    assert groundcal.calibrate(pictures, names=names, mask=np.ones_like(used)) == made
+    with pytest.raises(groundcal.InputError, match="320x239.*320x240"):
+        groundcal.calibrate(painted, mask=used[1:])
+    with pytest.raises(groundcal.InputError, match="2 masks for 6 images"):
+        groundcal.calibrate(painted, mask=[used, used])
+    with pytest.raises(groundcal.InputError, match="nothing of it is used"):
+        groundcal.calibrate(painted, mask=used * 0)
+    with pytest.raises(TypeError, match="mask= must be a path"):
+        groundcal.calibrate(painted, mask=5)  # type: ignore[arg-type]
+    with pytest.raises(groundcal.InputError, match="mask= goes with images"):
+        groundcal.calibrate(scene.matches(), image_size=SIZE, mask=used)
+
+
 def test_matches() -> None:
     calibration = groundcal.calibrate(scene.matches(), image_size=SIZE)
     assert_true(calibration)

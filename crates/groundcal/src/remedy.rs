@@ -78,7 +78,7 @@ pub enum Remedy {
     MoreMatches,
     /// Use points spread over the plane.
     SpreadPoints,
-    /// Paint over what does not move.
+    /// Say by a mask what of the images is to be used.
     MaskBackground,
     /// Remove one of two equal images.
     RemoveDuplicate,
@@ -228,7 +228,7 @@ impl std::fmt::Display for Remedy {
             }
             Remedy::MoreMatches => "give more matches of points on the floor, spread over more of the image",
             Remedy::SpreadPoints => "use points spread over the plane",
-            Remedy::MaskBackground => "mask it if it should not be there",
+            Remedy::MaskBackground => "say by a mask what of the images is to be used",
             Remedy::RemoveDuplicate => "remove one",
             Remedy::VouchPlaneNormal => "say that the camera turned without tilting, if you know it",
             Remedy::NamePairs => "name the true motions",

@@ -4,15 +4,16 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{Method, Options, calibrate_images, calibrate_matches},
+    calibrate::{Method, Options, calibrate_matches},
     geometry::{camera::Camera, lens::Lens, size::ImageSize},
+    moving::{Moving, NotCalibrated, calibrate_moving},
     result::{Calibration, Warning},
     start::linear_camera::GivenPrior,
     vision::image::GrayImage,
 };
 use groundcal_io::{
     export::{self, Format},
-    images::read_images,
+    images::{MaskFiles, read_images},
     import::read_camera,
     inputs::{Inputs, find_inputs},
     matches::{PairChoice, read_matches, read_pairs},
@@ -56,6 +57,11 @@ pub(crate) struct CalibrateArgs {
     /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
     #[arg(long, value_name = "FILE")]
     pub(crate) pairs: Option<PathBuf>,
+
+    /// What of the images is used, white in an image of their size: one file for all, or a folder with one for each (a.png for
+    /// a.jpg). What stands still in all images is found by itself
+    #[arg(long, value_name = "FILE|DIR")]
+    pub(crate) mask: Option<PathBuf>,
 
     /// How the camera moved
     #[arg(long, value_enum, default_value_t = MotionArg::Auto)]
@@ -181,20 +187,34 @@ pub(crate) fn run(args: &CalibrateArgs) -> Result<(), CliError> {
         output::check_folder(out)?;
     }
     let inputs = find_inputs(&args.inputs)?;
-    let results = begin(args, &inputs)?;
-    output::on_threads(args.threads, || calibrate(args, inputs, results))
+    let masks = find_masks(args, &inputs)?;
+    let results = begin(args, &inputs, masks.as_ref())?;
+    output::on_threads(args.threads, || calibrate(args, inputs, masks, results))
+}
+
+/// The masks of the images, if they have any.
+fn find_masks(args: &CalibrateArgs, inputs: &Inputs) -> Result<Option<MaskFiles>, CliError> {
+    let Some(given) = &args.mask else { return Ok(None) };
+    match inputs {
+        Inputs::Images(files) => Ok(Some(MaskFiles::find(given, files)?)),
+        Inputs::Csv(_) => {
+            Err(CliError::Usage("--mask goes with images; leave points out of a matches.csv or tracks.csv".into()))
+        }
+    }
 }
 
 /// The files of `--out`, if it is given, before the work.
-fn begin(args: &CalibrateArgs, inputs: &Inputs) -> Result<Option<Results>, CliError> {
+fn begin(args: &CalibrateArgs, inputs: &Inputs, masks: Option<&MaskFiles>) -> Result<Option<Results>, CliError> {
     let Some(out) = &args.out else { return Ok(None) };
     let of_formats = export::file_names(&formats(args));
     let page = (!args.no_report).then_some(output::PAGE);
     let names: Vec<String> = ["calibration.json"].into_iter().chain(page).chain(of_formats).map(String::from).collect();
-    let read: Vec<PathBuf> = match inputs {
-        Inputs::Images(files) => files.iter().chain(&args.pairs).cloned().collect(),
-        Inputs::Csv(file) => [file].into_iter().chain(&args.pairs).cloned().collect(),
+    let files = match inputs {
+        Inputs::Images(files) => files.as_slice(),
+        Inputs::Csv(file) => std::slice::from_ref(file),
     };
+    let masks = masks.map_or(&[][..], MaskFiles::files);
+    let read: Vec<PathBuf> = files.iter().chain(&args.pairs).chain(masks).cloned().collect();
     let request = Request {
         folder: out,
         command: "calibrate",
@@ -210,9 +230,14 @@ fn formats(args: &CalibrateArgs) -> Vec<Format> {
     args.format.iter().map(|f| (*f).into()).collect()
 }
 
-fn calibrate(args: &CalibrateArgs, inputs: Inputs, results: Option<Results>) -> Result<(), CliError> {
+fn calibrate(
+    args: &CalibrateArgs,
+    inputs: Inputs,
+    masks: Option<MaskFiles>,
+    results: Option<Results>,
+) -> Result<(), CliError> {
     let progress = StageTimes::new("reading");
-    let result = from_inputs(args, inputs, &progress);
+    let result = from_inputs(args, inputs, masks, &progress);
     let mut times = progress.finish();
     let Calibrated { mut calibration, images, notes } = result?;
     for note in notes {
@@ -260,7 +285,12 @@ struct Calibrated {
 }
 
 /// Input to calibration.
-fn from_inputs(args: &CalibrateArgs, inputs: Inputs, progress: &StageTimes) -> Result<Calibrated, CliError> {
+fn from_inputs(
+    args: &CalibrateArgs,
+    inputs: Inputs,
+    masks: Option<MaskFiles>,
+    progress: &StageTimes,
+) -> Result<Calibrated, CliError> {
     let mut options = options(args);
     match inputs {
         Inputs::Images(files) => {
@@ -275,11 +305,21 @@ fn from_inputs(args: &CalibrateArgs, inputs: Inputs, progress: &StageTimes) -> R
             }
             let read = read_images(&files)?;
             let mut notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
-            if let Some(image) = read.images.first() {
+            let mut images = read.images;
+            if let Some(masks) = masks {
+                images = masks.put_on(images, &files)?;
+            }
+            if let Some(image) = images.first() {
                 notes.extend(take_known_lens(args, image.size(), &mut options)?);
             }
-            let calibration = calibrate_images(&names, &read.images, &options, progress)?;
-            Ok(Calibrated { calibration, images: read.images, notes })
+            let Moving { calibration, images } =
+                calibrate_moving(&names, images, &options, progress).map_err(|NotCalibrated { error, still }| {
+                    if let Some(still) = still {
+                        output::note(&still.message(&Flags));
+                    }
+                    error
+                })?;
+            Ok(Calibrated { calibration, images, notes })
         }
         Inputs::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {

@@ -11,6 +11,7 @@ mod experiments;
 mod fisheye;
 mod formats;
 mod kills;
+mod masks;
 mod outputs;
 mod plan;
 mod readers;

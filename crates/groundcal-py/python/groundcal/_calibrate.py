@@ -137,6 +137,21 @@ def _from_arrays(
     return _groundcal.calibrate_arrays(labels, images, bgr, options, progress)
 
 
+def _masks(mask: Any) -> Any:
+    if mask is None or _is_path(mask):
+        return mask
+    listed = [mask] if isinstance(mask, np.ndarray) and mask.ndim == 2 else mask
+    wrong = "mask= must be a path, an array (H, W), or a list of arrays (H, W), one for each image"
+    if not isinstance(listed, (list, tuple, np.ndarray)) or len(listed) == 0:
+        raise TypeError(wrong)
+    arrays = []
+    for value in listed:
+        if not isinstance(value, np.ndarray) or value.ndim != 2:
+            raise TypeError(wrong)
+        arrays.append(np.ascontiguousarray(value != 0))
+    return arrays
+
+
 @named
 def calibrate(
     source: Source,
@@ -144,6 +159,7 @@ def calibrate(
     image_size: tuple[int, int] | None = None,
     names: Sequence[str] | None = None,
     bgr: bool = False,
+    mask: Path | npt.NDArray[Any] | Sequence[npt.NDArray[Any]] | None = None,
     motion: Literal["auto", "plane-normal", "turning", "general"] = "auto",
     constraint: Constraint = "auto",
     method: Literal["joint", "linear", "rotating"] = "joint",
@@ -184,6 +200,9 @@ def calibrate(
         image_size: Width and height in pixels: for matches, tracks and homographies.
         names: Names of arrays (default "0", "1", ...), by which ``pairs`` and results call them.
         bgr: Arrays have blue first, as those of ``cv2.imread``.
+        mask: What of the images is used: an image file in which it is white, or a folder with one for each image (``a.png`` for
+            ``a.jpg``); or an array (H, W) in which it is not zero, or a list of one for each image. What stands still in all images is
+            found by itself.
         motion: How the camera moved: ``"auto"``, ``"plane-normal"`` (you vouch that it did not tilt between the images of a motion),
             ``"turning"`` (on the spot, about any axes).
         constraint: What is assumed of the camera matrix: ``"auto"`` (priors), ``"full"``, ``"zero-skew"``, ``"square"``,
@@ -226,6 +245,7 @@ def calibrate(
     """
     given: dict[str, Any] = {
         "image_size": image_size,
+        "mask": _masks(mask),
         "motion": motion,
         "constraint": constraint,
         "method": method,

@@ -100,7 +100,9 @@ fn replaced_by_patches(
     // Only where all of the patch should be seen.
     let (size, margin) = (b.size(), options.patches.radius_px as f64 * LOST_MARGIN);
     let seen_in_b = |p: &Vector2<f64>| {
-        p.x > margin && p.y > margin && p.x < size.width as f64 - margin && p.y < size.height as f64 - margin
+        let in_picture =
+            p.x > margin && p.y > margin && p.x < size.width as f64 - margin && p.y < size.height as f64 - margin;
+        in_picture && b.used_about(p.x, p.y, margin) >= 1.0
     };
     let lost = grid
         .iter()

@@ -130,6 +130,11 @@ pub enum Warning {
         /// Matches that stand still.
         matches: usize,
     },
+    /// Something stands still in all images, and was set aside before they were matched.
+    StillInAllImages {
+        /// Share of the places with detail that it takes, per cent.
+        percent: f64,
+    },
     /// Two inputs are the same image.
     DuplicateImages {
         /// First name.
@@ -216,6 +221,7 @@ impl Warning {
             Warning::PicturesDepart { .. } => "pictures_depart",
             Warning::LensOffAxis { .. } => "lens_off_axis",
             Warning::StaticBackground { .. } => "static_background",
+            Warning::StillInAllImages { .. } => "still_in_all_images",
             Warning::DuplicateImages { .. } => "duplicate_images",
             Warning::LargeUncertainty { .. } => "large_uncertainty",
             Warning::NeighboursOnly { .. } => "neighbours_only",
@@ -299,6 +305,10 @@ impl Warning {
                 "{from} and {to}: {matches} matches stand still, more than move; a background (or a part of the camera's carrier) that \
                  does not move was set aside"
             ),
+            Warning::StillInAllImages { percent } => format!(
+                "{percent:.1} % of what is seen stands still in all images (a part of the camera's carrier, a background, a date stamp); it was \
+                 set aside, and the rest was matched"
+            ),
             Warning::DuplicateImages { first, second } => {
                 format!("{first} and {second} are the same image; a pair of them says nothing")
             }
@@ -348,6 +358,7 @@ impl Warning {
             Warning::PicturesDepart { .. } => vec![Remedy::CheckImages],
             Warning::LensOffAxis { .. } => vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor],
             Warning::StaticBackground { .. } => vec![Remedy::MaskBackground],
+            Warning::StillInAllImages { .. } => vec![Remedy::MaskBackground],
             Warning::DuplicateImages { .. } => vec![Remedy::RemoveDuplicate],
             Warning::LargeUncertainty { .. } => vec![Remedy::ClearMotions],
             Warning::NeighboursOnly { .. } => vec![Remedy::ComparePairs],
@@ -502,6 +513,7 @@ mod tests {
             Warning::PicturesDepart { departure: PictureDeparture::RowTurn, sigma: 0.4, twice_log_odds: 90.0 },
             Warning::LensOffAxis { percent_of_distance: 0.7, fx_percent: 1.2 },
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },
+            Warning::StillInAllImages { percent: 12.5 },
             Warning::DuplicateImages { first: "a".into(), second: "b".into() },
             Warning::LargeUncertainty { percent: 7.0 },
             Warning::NeighboursOnly { images: 50 },

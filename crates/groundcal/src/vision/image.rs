@@ -3,30 +3,74 @@
 //! Pixel (0, 0) is the **centre** of the top-left pixel (OpenCV, ROS, Kalibr; COLMAP counts from the corner).
 //! Values are linear in the stored sample: 0 is black, 1 is white.
 
-use crate::geometry::size::ImageSize;
+use std::sync::Arc;
+
+use crate::{error::Error, geometry::size::ImageSize, vision::mask::Mask};
 
 /// A grey image, row by row, values nominally in 0..=1.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrayImage {
     size: ImageSize,
     data: Vec<f32>,
+    /// What of it is used; all, where there is none.
+    mask: Option<Arc<Mask>>,
 }
 
 impl GrayImage {
     /// An image of one value.
     pub fn filled(size: ImageSize, value: f32) -> Self {
-        Self { size, data: vec![value; size.width * size.height] }
+        Self { size, data: vec![value; size.width * size.height], mask: None }
     }
 
     /// An image from its rows laid end to end; `None` when the length is not width times height or a value is not finite.
     pub fn from_rows(size: ImageSize, data: Vec<f32>) -> Option<Self> {
-        (data.len() == size.width * size.height && data.iter().all(|v| v.is_finite())).then_some(Self { size, data })
+        (data.len() == size.width * size.height && data.iter().all(|v| v.is_finite())).then_some(Self {
+            size,
+            data,
+            mask: None,
+        })
     }
 
     /// An image from rows that are known to be finite and of the right number.
     pub(crate) fn from_parts(size: ImageSize, data: Vec<f32>) -> Self {
         debug_assert_eq!(data.len(), size.width * size.height);
-        Self { size, data }
+        Self { size, data, mask: None }
+    }
+
+    /// The same image, of which only what the mask holds is used (and what a mask that it has already does).
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] where the mask has another size.
+    ///
+    /// ```
+    /// use std::sync::Arc;
+    /// use groundcal::{geometry::size::ImageSize, vision::{image::GrayImage, mask::Mask}};
+    ///
+    /// let size = ImageSize::new(4, 3);
+    /// let upper_row = Mask::new(size, &(0..12).map(|i| i < 4).collect::<Vec<_>>()).expect("12 pixels");
+    /// let image = GrayImage::filled(size, 0.5).masked(Arc::new(upper_row))?;
+    /// assert!(image.mask().is_some_and(|mask| !mask.contains(0.0, 1.0)));
+    /// # Ok::<(), groundcal::error::Error>(())
+    /// ```
+    pub fn masked(self, mask: Arc<Mask>) -> Result<Self, Error> {
+        if mask.size() != self.size {
+            return Err(Error::InvalidInput(format!("a mask of {} pixels for an image of {}", mask.size(), self.size)));
+        }
+        let mask = match &self.mask {
+            None => mask,
+            Some(before) => Arc::new(before.and(&mask)?),
+        };
+        Ok(Self { mask: Some(mask), ..self })
+    }
+
+    /// What of it is used; `None`: all.
+    pub fn mask(&self) -> Option<&Arc<Mask>> {
+        self.mask.as_ref()
+    }
+
+    /// Fraction of the pixels used in a square of half side `reach` about a place (see [`Mask::share`]); 1 without a mask.
+    pub(crate) fn used_about(&self, x: f64, y: f64, reach: f64) -> f64 {
+        self.mask.as_ref().map_or(1.0, |mask| mask.share(x, y, reach))
     }
 
     /// Width and height.

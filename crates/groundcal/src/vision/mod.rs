@@ -1,6 +1,8 @@
-//! Grey images, resampling, features, patches.
+//! Grey images, resampling, masks, features, patches.
 
 pub mod features;
 pub mod image;
+pub mod mask;
 pub mod patches;
 pub mod resample;
+pub mod still;

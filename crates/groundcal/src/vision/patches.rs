@@ -131,6 +131,9 @@ pub(crate) fn template_grid_until(
             lines.fill(a, y, options.radius_px);
             for (x0, best) in (0..columns).step_by(spacing).zip(&mut best) {
                 for x in (x0..=x0 + slack).filter(|x| *x < columns) {
+                    if !wholly_used(a, (margin + x) as f64, y as f64, options) {
+                        continue;
+                    }
                     let texture = lines.texture(margin + x, options.radius_px);
                     if best.is_none_or(|(most, _)| texture > most) {
                         *best = Some((texture, (margin + x, y)));
@@ -141,6 +144,11 @@ pub(crate) fn template_grid_until(
         grid.extend(best.into_iter().flatten().filter(|(texture, _)| *texture > LEAST_TEXTURE).map(|(_, place)| place));
     }
     Ok(grid)
+}
+
+/// Whether the image's mask holds all of the patch at this place.
+fn wholly_used(image: &GrayImage, x: f64, y: f64, options: &PatchOptions) -> bool {
+    image.used_about(x, y, options.radius_px as f64) >= 1.0
 }
 
 /// Least eigenvalue of a template's sum of gradient products: below it the rounding to 8 bits alone moves a patch by a third of
@@ -338,7 +346,7 @@ impl Workspace {
         let (right, bottom) = (b.size().width as f64 - 1.0 - reach, b.size().height as f64 - 1.0 - reach);
         let fits = |x: f64, y: f64| x > reach && y > reach && x < right && y < bottom;
         let predicted = map(&centre)?;
-        if !fits(predicted.x, predicted.y) {
+        if !fits(predicted.x, predicted.y) || !wholly_used(b, predicted.x, predicted.y, options) {
             return None;
         }
         let local = LocalMap::new(map, centre, self.radius as f64)?;

@@ -79,6 +79,10 @@ const ARGUMENTS: &[Row] = &[
 const OPTIONS: &[Row] = &[
     ("calibrate @good.csv", 2, &["good.csv", "--image-size WxH"]),
     ("calibrate @a.png @copy.png --image-size 64x48", 2, &["--image-size", "images have their own"]),
+    ("calibrate @good.csv --image-size 1280x960 --mask @a.png", 2, &["--mask goes with images"]),
+    ("calibrate @a.png @negative.png --mask @small.png", 4, &["small.png", "32x32", "64x48", "a.png"]),
+    ("calibrate @a.png @negative.png --mask @note.jpg", 4, &["note.jpg", "not an image"]),
+    ("calibrate @a.png @negative.png --mask absent^.png", 4, &["absent", "does not exist"]),
     ("calibrate @good.csv @a.png", 2, &["CSV", "alone"]),
     ("calibrate @good.csv @good_tracks.csv", 2, &["CSV", "alone"]),
     ("undistort @good.yaml @good.csv --out OUT", 2, &["good.csv is a CSV", "name images"]),

@@ -18,6 +18,7 @@ mod scale_space;
 pub use feature::{DESCRIPTOR_LENGTH, Feature, FeatureOptions, Features};
 pub(crate) use matching::match_features_until;
 pub use matching::{MatchOptions, match_features};
+pub(crate) use scale_space::{blur, halve};
 
 use crate::{
     error::Error,
@@ -40,7 +41,11 @@ pub(crate) fn detect_until(
     observer: &dyn Observer,
 ) -> Result<Features, Error> {
     let space = scale_space::ScaleSpace::new(image, options, observer)?;
-    let extrema = spread(space.extrema(options, observer)?, image, options.max_features);
+    let mut extrema = space.extrema(options, observer)?;
+    if image.mask().is_some() {
+        extrema.retain(|e| is_used(image, e));
+    }
+    let extrema = spread(extrema, image, options.max_features);
     let mut features = Features::default();
     for extremum in &extrema {
         observer.go_on()?;
@@ -54,6 +59,12 @@ pub(crate) fn detect_until(
     features.points.truncate(keep);
     features.descriptors.truncate(keep * DESCRIPTOR_LENGTH);
     Ok(features)
+}
+
+/// Whether the mask holds a feature's centre and most of what its descriptor covers.
+fn is_used(image: &GrayImage, e: &scale_space::Extremum) -> bool {
+    let (x, y) = (f64::from(e.x), f64::from(e.y));
+    image.used_about(x, y, 0.0) > 0.5 && image.used_about(x, y, f64::from(descriptor::REACH * e.scale)) > 0.5
 }
 
 /// Cells along the longer side of the grid that spreads the features.
@@ -122,6 +133,22 @@ mod tests {
                 .fold(f64::INFINITY, f64::min);
             assert!(nearest < 0.06, "blob at {x}, {y}: off by {nearest}");
         }
+    }
+
+    #[test]
+    fn a_mask_leaves_the_rest_as_it_is() {
+        use crate::vision::mask::Mask;
+        let centres = [(50.3, 40.7, 2.0), (120.25, 60.5, 3.0), (80.0, 110.0, 5.0), (160.6, 120.1, 2.5)];
+        let image = blobs(&centres);
+        let all = detect(&image, &FeatureOptions::default());
+        // The left half, and a narrow strip about the blob at the right, of whose patch most lies outside.
+        let used: Vec<bool> = (0..200 * 160).map(|i| i % 200 < 100 || (155..165).contains(&(i % 200))).collect();
+        let mask = Mask::new(image.size(), &used).expect("right size");
+        let masked = detect(&image.masked(std::sync::Arc::new(mask)).expect("one size"), &FeatureOptions::default());
+        assert!(!masked.points.is_empty() && masked.points.iter().all(|p| p.x < 100.0), "{:?}", masked.points);
+        let left: Vec<_> = all.points.iter().filter(|p| p.x < 100.0).collect();
+        assert!(all.points.len() > left.len() && masked.points.iter().all(|p| left.contains(&p)));
+        assert!(masked.points.iter().any(|p| (p.x - 50.3).hypot(p.y - 40.7) < 0.1));
     }
 
     #[test]

@@ -286,7 +286,7 @@ fn upsample(image: &GrayImage) -> GrayImage {
 }
 
 /// Every second pixel: pixel i of the result is pixel 2 i.
-fn halve(image: &GrayImage) -> GrayImage {
+pub(crate) fn halve(image: &GrayImage) -> GrayImage {
     let size = ImageSize::new(image.width().div_ceil(2), image.height().div_ceil(2));
     let mut out = GrayImage::filled(size, 0.0);
     for (y, row) in out.data_mut().chunks_exact_mut(size.width).enumerate() {
