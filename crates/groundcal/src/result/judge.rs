@@ -105,6 +105,7 @@ fn level_with(warning: &Warning) -> Option<VerdictLevel> {
         Warning::FloorsContradict { .. }
         | Warning::ParallelHorizons { .. }
         | Warning::StaticBackground { .. }
+        | Warning::StillInAllImages { .. }
         | Warning::DuplicateImages { .. }
         | Warning::NeighboursOnly { .. }
         | Warning::LargeStrays { .. }
