@@ -4,15 +4,11 @@
 //! what moves where the matches of both lie on planes ([`crate::pairs::robust`]); in many images it shows before there are any matches.
 
 use crate::{
-    calibrate::{Observer, Options, calibrate_images},
+    calibrate::{HELD_ATTITUDE_SIGMA_DEG, Observer, Options, calibrate_images},
     error::Error,
     result::{Calibration, Warning},
     vision::{image::GrayImage, still::set_still_parts_aside},
 };
-
-/// Standard deviation of tilt and roll, degrees, of a thing held before a camera that stands still, by an arm or by hand, as
-/// [`crate::calibrate`] takes it for a single motion before a still background: here that background is no longer seen.
-const HELD_ATTITUDE_SIGMA_DEG: f64 = 1.5;
 
 /// A calibration, and the images as it was made from them: with masks of what moves.
 #[derive(Debug, Clone)]
@@ -50,6 +46,7 @@ pub fn calibrate_moving(
     };
     let mut calibration = calibrated(options)?;
     let single = calibration.motions.iter().filter(|motion| motion.used).count() == 1;
+    // A single motion before a still background is a thing held before the camera: its axis may stray, though the background is no longer seen.
     if still.is_some() && single && options.attitude_sigma_deg.is_none() {
         calibration = calibrated(&Options { attitude_sigma_deg: Some(HELD_ATTITUDE_SIGMA_DEG), ..options.clone() })?;
     }

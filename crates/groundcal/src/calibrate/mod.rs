@@ -48,6 +48,7 @@ use crate::{
 };
 
 pub use crate::observer::{Observer, Silent, Stage};
+pub(crate) use options::HELD_ATTITUDE_SIGMA_DEG;
 pub use options::{LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom.

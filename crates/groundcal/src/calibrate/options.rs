@@ -130,7 +130,7 @@ impl Default for Options {
 
 /// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it; and
 /// a thing moved before a fixed camera by an arm or by hand, when a single motion cannot show it.
-pub(super) const HELD_ATTITUDE_SIGMA_DEG: f64 = 1.5;
+pub(crate) const HELD_ATTITUDE_SIGMA_DEG: f64 = 1.5;
 /// Prior of ln(fy / fx) under `auto`, and when the ratio is given.
 const ASPECT_SIGMA: f64 = 0.003;
 const GIVEN_ASPECT_SIGMA: f64 = 0.001;
