@@ -1,29 +1,39 @@
 //! A camera taken to turn on the spot whose lens is off the axis of turning, before things that are not all far away.
 //!
 //! ```text
-//! x = R q - l / d,      l: the lens from the axis, in camera coordinates, alike in all pictures;  d: distance of the point
+//! x = R q - ρ l,     l: the lens from the axis in camera coordinates, alike in all pictures;  ρ = ρ' + u: inverse distance of the point
+//! g = Cᵀ M r,  D = Cᵀ M C  of each point;      W = Σ (g gᵀ - D),      λ² = eᵀ W e / Σ (eᵀ D e)²
 //! ```
 //!
-//! The distances are not known. With one for all of them the score of l / d tells whether the pictures show any parallax, and by how much
-//! the camera is wrong for leaving it out; that goes into its error bars.
+//! What l does at one distance for all points, ρ', is nearly what a longer lens on the axis does, and is in no residual. What remains is that
+//! near things move against far ones: along e, the direction of l, the points' residuals have the further variance λ² = |l|² var(u), for
+//! which the expectation of W, zero without it, is the score (C. R. Rao 1948; of a variance: Chesher 1984, *Testing for neglected
+//! heterogeneity*). C: derivatives of a point's observations by ρ l; M takes its direction out; r: residuals. From λ follows, with distances
+//! that vary as those of floors and rooms do, how far f is wrong, which goes into its error bar.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, Matrix3, SymmetricEigen, Vector3};
+use rayon::prelude::*;
 
-use crate::refine::{
-    problem::Problem,
-    residual::SceneModel,
-    score::{Minimum, Score},
+use crate::{
+    numerics::statistics::chi_squared_survival,
+    refine::{
+        elimination::TrackRows,
+        problem::Problem,
+        residual::SceneModel,
+        score::{Minimum, without_point},
+    },
 };
 
-/// Deviation of each coordinate of l / d beforehand: 3 mm over a floor 1.5 m below are 0.002, an arm's length in a room 0.2.
-const SIGMA: f64 = 0.1;
-/// Probability below which parallax is not put down to chance.
+/// Probability below which parallax is not put down to chance; along any of three directions.
 const LEVER_P: f64 = 1e-3;
+/// Standard deviation of inverse distances over their mean. (Seen from above, the inverse distances of the points of a floor are spread evenly
+/// from the horizon down: 0.58. In rooms whose walls are 1 to 4 away it is 0.4, from 2 to 4 0.2.)
+const VARIATION: f64 = 0.4;
 
 /// Parallax that a camera taken to turn on the spot shows.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeverArm {
-    /// How far the lens is off the axis, over the distance of the points.
+    /// How far the lens is off the axis, over the (harmonic) mean distance of the points.
     pub over_distance: f64,
     /// By how much ln f of the first camera is wrong for leaving it out.
     pub moves_ln_f: f64,
@@ -31,20 +41,25 @@ pub struct LeverArm {
     moves: Vec<(usize, f64)>,
 }
 
+/// Of a point: g and D.
+type Parallax = (Vector3<f64>, Matrix3<f64>);
+
 impl LeverArm {
     /// Of a solution; `None`: it shows none.
     pub(crate) fn of(problem: &Problem, at: Minimum<'_>) -> Option<Self> {
         if problem.scene != SceneModel::Directions {
             return None;
         }
-        let score: Score<3> = problem.score(at, SIGMA, &|_, projection, _| -projection.by_camera_point)?;
-        if score.chance() >= LEVER_P {
-            return None;
-        }
-        let moves: Vec<(usize, f64)> =
-            problem.layout.cameras[0].free().map(|(number, column)| (number, score.moves[column])).collect();
+        let points = parallaxes(problem, at)?;
+        let (direction, lambda) = direction_of(&points)?;
+        let over_distance = lambda / VARIATION;
+        // The numbers of l at one distance for all.
+        let by_unit = problem.moved_by::<3>(at, &|_, projection, _| -projection.by_camera_point)?;
+        let moved: DVector<f64> = by_unit * direction * over_distance;
+        let of_camera = problem.layout.cameras[0].free();
+        let moves: Vec<(usize, f64)> = of_camera.map(|(number, column)| (number, moved[column])).collect();
         let moves_ln_f = moves.iter().find(|(number, _)| *number == 0).map_or(0.0, |(_, by)| *by);
-        Some(Self { over_distance: score.step.norm(), moves_ln_f, moves })
+        Some(Self { over_distance, moves_ln_f, moves })
     }
 
     /// Adds what leaving it out makes wrong to the covariance of the first camera.
@@ -55,4 +70,50 @@ impl LeverArm {
             }
         }
     }
+}
+
+/// The direction in which the residuals of the points have most variance beyond their own, and the root of that; `None` where that is
+/// put down to chance.
+fn direction_of(points: &[Parallax]) -> Option<(Vector3<f64>, f64)> {
+    let mean: Matrix3<f64> = points.iter().map(|(_, d)| d).sum();
+    let excess: Matrix3<f64> = points.iter().map(|(g, d)| g * g.transpose() - d).sum();
+    // e with the largest eᵀ W e / eᵀ Σ D e.
+    let root = mean.cholesky()?.l().try_inverse()?;
+    let eigen = SymmetricEigen::new(root * excess * root.transpose());
+    let direction = (root.transpose() * eigen.eigenvectors.column(eigen.eigenvalues.imax())).normalize();
+    let of_point = |(g, d): &Parallax| (direction.dot(g).powi(2), direction.dot(&(d * direction)));
+    let (mut score, mut variance, mut information) = (0.0, 0.0, 0.0);
+    for (seen, expected) in points.iter().map(of_point) {
+        score += seen - expected;
+        // As it is, not as normal residuals would have it: a few wrong matches are no parallax.
+        variance += (seen - expected).powi(2);
+        information += expected * expected;
+    }
+    // One side of a normal distribution.
+    let chance = 3.0 * 0.5 * chi_squared_survival(score * score / variance, 1);
+    (score > 0.0 && chance < LEVER_P).then(|| (direction, (score / information).sqrt()))
+}
+
+/// g and D of every point.
+fn parallaxes(problem: &Problem, at: Minimum<'_>) -> Option<Vec<Parallax>> {
+    let views = problem.views(at.state);
+    let of_chunk = |(cluster, tracks): &(usize, &[usize])| {
+        let c = &problem.clusters[*cluster];
+        let mut rows = TrackRows::new(c);
+        let mut derivatives = vec![Vector3::zeros(); 2 * c.images.len()];
+        let of_track = |&t: &usize| {
+            problem.linearise_track((c, t), at.state, &views, &mut rows, |o, projection, _, root| {
+                let by = -projection.by_camera_point;
+                derivatives[2 * o] = (by.row(0) * root[0] + by.row(1) * root[1]).transpose();
+                derivatives[2 * o + 1] = (by.row(1) * root[2]).transpose();
+            })?;
+            without_point(&rows, &mut derivatives)?;
+            let residuals = (0..c.images.len()).flat_map(|o| rows.residual(o));
+            let g: Vector3<f64> = derivatives.iter().zip(residuals).map(|(c, r)| c * r).sum();
+            Some((g, derivatives.iter().map(|c| c * c.transpose()).sum()))
+        };
+        tracks.iter().map(of_track).collect::<Option<Vec<Parallax>>>()
+    };
+    let parts: Vec<Option<Vec<Parallax>>> = problem.chunks().par_iter().map(of_chunk).collect();
+    Some(parts.into_iter().collect::<Option<Vec<_>>>()?.concat())
 }

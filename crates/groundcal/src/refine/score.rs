@@ -2,15 +2,15 @@
 //!
 //! ```text
 //! B = Jᵀ M C,   D = Cᵀ M C,   g = Cᵀ M r,      M = I - P (Pᵀ P)⁻¹ Pᵀ
-//! S = D + Λ - Bᵀ A⁻¹ B,   δ = -S⁻¹ (g - Bᵀ A⁻¹ ∇),   T = δᵀ S δ ~ χ²(m) where the numbers are what they are held at
-//! the columns move by -A⁻¹ B δ
+//! S = D - Bᵀ A⁻¹ B,   δ = -S⁻¹ (g - Bᵀ A⁻¹ ∇),   T = δᵀ S δ ~ χ²(m) where the numbers are what they are held at
+//! and the columns move by -A⁻¹ B δ
 //! ```
 //!
 //! C: derivatives of the observations by the m numbers; J: by the columns; P: by the point of each track; A and ∇: information and gradient
-//! of the columns at the solution; Λ: information of the numbers' priors. The numbers take no column, and nothing is solved again: a score
-//! (Lagrange multiplier) test (Rao 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*). With Λ, T is a little small.
+//! of the columns at the solution. The numbers take no column, and nothing is solved again: a score
+//! (Lagrange multiplier) test (Rao 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*).
 
-use nalgebra::{DMatrix, DVector, SMatrix, SVector};
+use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix, SMatrix, SVector};
 use rayon::prelude::*;
 
 use crate::{
@@ -27,12 +27,8 @@ use crate::{
 /// Numbers left out, as the residuals have them.
 #[derive(Debug, Clone)]
 pub(crate) struct Score<const NUMBERS: usize> {
-    /// What they would be, from what they are held at.
-    pub(crate) step: SVector<f64, NUMBERS>,
     /// T: the fall of -2 ln likelihood with them.
     pub(crate) statistic: f64,
-    /// By how much the columns of the problem would move with the step.
-    pub(crate) moves: DVector<f64>,
 }
 
 impl<const NUMBERS: usize> Score<NUMBERS> {
@@ -73,23 +69,7 @@ impl<const NUMBERS: usize> Products<NUMBERS> {
 
     /// Adds those of a track: its rows, and the derivatives by the numbers in each of them. `None` when the point is not determined.
     fn add(&mut self, rows: &TrackRows, cluster: &Cluster, by_numbers: &mut [SVector<f64, NUMBERS>]) -> Option<()> {
-        let [p, q] = [0, 1].map(|coordinate| rows.by_point(coordinate));
-        let p_norm = p.clone().map(|p| p * p).sum::<f64>();
-        let common = p.clone().zip(q.clone()).map(|(p, q)| p * q).sum::<f64>() / p_norm;
-        // Two orthogonal directions that the point takes up (Gram and Schmidt).
-        let q = p.clone().zip(q).map(|(p, q)| q - common * p);
-        let q_norm = q.clone().map(|q| q * q).sum::<f64>();
-        if !(p_norm > 0.0 && q_norm > 0.0) {
-            return None;
-        }
-        let (mut of_p, mut of_q) = (SVector::<f64, NUMBERS>::zeros(), SVector::<f64, NUMBERS>::zeros());
-        for ((c, p), q) in by_numbers.iter().zip(p.clone()).zip(q.clone()) {
-            of_p += c * (p / p_norm);
-            of_q += c * (q / q_norm);
-        }
-        for ((c, p), q) in by_numbers.iter_mut().zip(p).zip(q) {
-            *c -= of_p * p + of_q * q;
-        }
+        without_point(rows, by_numbers)?;
         for (o, ([cx, cy], places)) in by_numbers.as_chunks::<2>().0.iter().zip(&cluster.places).enumerate() {
             let [x, y] = rows.observation(o);
             for &place in &places.occupied {
@@ -103,16 +83,72 @@ impl<const NUMBERS: usize> Products<NUMBERS> {
     }
 }
 
+/// Takes the direction of a track's point out of derivatives of its rows. `None` when the point is not determined.
+pub(crate) fn without_point<const NUMBERS: usize>(
+    rows: &TrackRows,
+    by_numbers: &mut [SVector<f64, NUMBERS>],
+) -> Option<()> {
+    let [p, q] = [0, 1].map(|coordinate| rows.by_point(coordinate));
+    let p_norm = p.clone().map(|p| p * p).sum::<f64>();
+    let common = p.clone().zip(q.clone()).map(|(p, q)| p * q).sum::<f64>() / p_norm;
+    // Two orthogonal directions that the point takes up (Gram and Schmidt).
+    let q = p.clone().zip(q).map(|(p, q)| q - common * p);
+    let q_norm = q.clone().map(|q| q * q).sum::<f64>();
+    if !(p_norm > 0.0 && q_norm > 0.0) {
+        return None;
+    }
+    let (mut of_p, mut of_q) = (SVector::<f64, NUMBERS>::zeros(), SVector::<f64, NUMBERS>::zeros());
+    for ((c, p), q) in by_numbers.iter().zip(p.clone()).zip(q.clone()) {
+        of_p += c * (p / p_norm);
+        of_q += c * (q / q_norm);
+    }
+    for ((c, p), q) in by_numbers.iter_mut().zip(p).zip(q) {
+        *c -= of_p * p + of_q * q;
+    }
+    Some(())
+}
+
 impl Problem {
-    /// The score of numbers that have no columns, with the standard deviation that each has beforehand (infinite: none). `None` where the
-    /// residuals do not depend on them beside the others.
+    /// The score of numbers that have no columns. `None` where the residuals do not depend on them beside the others.
     pub(crate) fn score<const NUMBERS: usize>(
         &self,
         at: Minimum<'_>,
-        sigma: f64,
         by_numbers: &ByNumbers<'_, NUMBERS>,
     ) -> Option<Score<NUMBERS>> {
-        let Minimum { state, factor, gradient } = at;
+        let (with_columns, products) = self.products(at.state, by_numbers)?;
+        let (mut information, mut right) = (products.with_themselves, products.with_residuals);
+        for number in 0..NUMBERS {
+            let explained = at.factor.solve(&with_columns.column(number).into_owned());
+            right[number] -= explained.dot(at.gradient);
+            for other in 0..NUMBERS {
+                information[(other, number)] -= with_columns.column(other).dot(&explained);
+            }
+        }
+        let step = -(information.try_inverse()? * right);
+        let statistic = step.dot(&(information * step));
+        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { statistic })
+    }
+
+    /// By how much each column moves with each of the numbers, were they not what they are held at: -A⁻¹ B.
+    pub(crate) fn moved_by<const NUMBERS: usize>(
+        &self,
+        at: Minimum<'_>,
+        by_numbers: &ByNumbers<'_, NUMBERS>,
+    ) -> Option<OMatrix<f64, Dyn, Const<NUMBERS>>> {
+        let (with_columns, _) = self.products(at.state, by_numbers)?;
+        let mut moved = OMatrix::<f64, Dyn, Const<NUMBERS>>::zeros(self.layout.size);
+        for number in 0..NUMBERS {
+            moved.set_column(number, &-at.factor.solve(&with_columns.column(number).into_owned()));
+        }
+        Some(moved)
+    }
+
+    /// B, and the products that have no columns.
+    fn products<const NUMBERS: usize>(
+        &self,
+        state: &State,
+        by_numbers: &ByNumbers<'_, NUMBERS>,
+    ) -> Option<(DMatrix<f64>, Products<NUMBERS>)> {
         let views = self.views(state);
         let of_chunk = |(cluster, tracks): &(usize, &[usize])| {
             let c = &self.clusters[*cluster];
@@ -132,28 +168,16 @@ impl Problem {
         let chunks = self.chunks();
         let parts: Vec<Option<Products<NUMBERS>>> = chunks.par_iter().map(of_chunk).collect();
         let mut with_columns = DMatrix::zeros(self.layout.size, NUMBERS);
-        let mut information = SMatrix::<f64, NUMBERS, NUMBERS>::identity() / (sigma * sigma);
-        let mut right = SVector::<f64, NUMBERS>::zeros();
+        let mut all = Products::of(0);
         for ((cluster, _), part) in chunks.iter().zip(parts) {
             let part = part?;
-            information += part.with_themselves;
-            right += part.with_residuals;
+            all.with_themselves += part.with_themselves;
+            all.with_residuals += part.with_residuals;
             for (&column, value) in self.clusters[*cluster].columns.iter().zip(&part.with_columns) {
                 let mut row = with_columns.row_mut(column);
                 row += value.transpose();
             }
         }
-        for number in 0..NUMBERS {
-            let column = with_columns.column(number).into_owned();
-            let explained = factor.solve(&column);
-            right[number] -= explained.dot(gradient);
-            for other in 0..NUMBERS {
-                information[(other, number)] -= with_columns.column(other).dot(&explained);
-            }
-        }
-        let step = -(information.try_inverse()? * right);
-        let statistic = step.dot(&(information * step));
-        let moves = -factor.solve(&(with_columns * step));
-        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { step, statistic, moves })
+        Some((with_columns, all))
     }
 }

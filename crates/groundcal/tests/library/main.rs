@@ -17,4 +17,5 @@ mod selection;
 mod shared_data;
 mod statistics;
 mod stop;
+mod verdict;
 mod words;

@@ -1,0 +1,106 @@
+//! What is said of an answer: whether to trust it, and why not more.
+
+use groundcal::{
+    calibrate::{MotionModel, Options, Silent, calibrate_matches},
+    geometry::{attitude::rotation_cam_from_world, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
+    pairs::correspondence::{ImagePair, PointMatch},
+    result::{Calibration, Verdict, VerdictLevel},
+    synthetic::points::{MotionSpec, PointScene, turning_pairs},
+};
+use nalgebra::{Matrix3, Vector2, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Mcg;
+
+fn names(count: usize) -> Vec<String> {
+    (0..count).map(|i| i.to_string()).collect()
+}
+
+fn verdict(c: &Calibration) -> &Verdict {
+    c.verdict.as_ref().expect("every answer has one")
+}
+
+fn of_motions(motions: Vec<MotionSpec>, seed: u64) -> Calibration {
+    let scene = PointScene { motions, matches: 300, sigma_px: 0.2, ..PointScene::nominal(seed) };
+    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, &Options::default(), &Silent).expect("a camera")
+}
+
+#[test]
+fn several_attitudes_that_agree_are_trustworthy_and_one_is_usable() {
+    let motion = |i: usize, varied: bool| {
+        let i = if varied { i as f64 } else { 0.0 };
+        MotionSpec::about_axis(0.6 + 0.07 * i, -0.5 + 0.2 * i, 0.4, 0.3, 1.0)
+    };
+    for seed in 0..3 {
+        let several = of_motions((0..6).map(|i| motion(i, true)).collect(), seed);
+        assert_eq!(*verdict(&several), Verdict { level: VerdictLevel::Trustworthy, checked: true, reasons: vec![] });
+        let one = of_motions((0..4).map(|i| motion(i, false)).collect(), seed);
+        let of_one = verdict(&one);
+        assert_eq!((of_one.level, of_one.checked), (VerdictLevel::Usable, true), "{of_one:?}");
+        assert!(of_one.reasons.iter().any(|r| r.code == "single_attitude" && !r.message.is_empty()), "{of_one:?}");
+    }
+}
+
+/// A camera that turns about the vertical before things at distances of 1 to 4 whose lens is ahead of the axis.
+fn turning_off_axis(ahead: f64, seed: u64) -> (ImageSize, Intrinsics, Vec<ImagePair>) {
+    let (size, k) = (ImageSize::new(640, 480), Intrinsics::square(520.0, 317.0, 243.0));
+    let rotations: Vec<Matrix3<f64>> =
+        (0..12).map(|i| rotation_cam_from_world(0.05, 0.02, (30.0 * f64::from(i)).to_radians())).collect();
+    if ahead == 0.0 {
+        let pairs = turning_pairs(&rotations, &k, &Lens::None, size, 4000, 0.2, seed);
+        return (size, k, pairs);
+    }
+    let mut rng = Pcg64Mcg::seed_from_u64(seed);
+    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+    let directions: Vec<Vector3<f64>> = (0..4000).map(|_| Vector3::from_fn(|_, _| normal()).normalize()).collect();
+    let points: Vec<Vector3<f64>> = directions.iter().map(|d| d * rng.random_range(1.0..4.0)).collect();
+    let lens_from_axis = Vector3::new(0.0, 0.0, ahead);
+    let mut seen = |r: &Matrix3<f64>, p: &Vector3<f64>| {
+        let x = r * p - lens_from_axis;
+        let noise = Vector2::from_fn(|_, _| -> f64 { StandardNormal.sample(&mut rng) }) * 0.2;
+        let pixel = k.pixel_from_normalised(&Vector2::new(x.x / x.z, x.y / x.z)) + noise;
+        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= 639.0 && pixel.y <= 479.0;
+        (x.z > 0.2 && inside).then_some(pixel)
+    };
+    let views: Vec<Vec<Option<Vector2<f64>>>> =
+        rotations.iter().map(|r| points.iter().map(|p| seen(r, p)).collect()).collect();
+    let pairs = (0..12).map(|i| (i, (i + 1) % 12)).map(|(from, to)| {
+        let both = views[from].iter().zip(&views[to]);
+        let matches = both.filter_map(|(a, b)| Some(PointMatch { a: (*a)?, b: (*b)?, sigma_px: 1.0 })).collect();
+        ImagePair { from, to, matches }
+    });
+    (size, k, pairs.collect())
+}
+
+#[test]
+fn a_turn_on_the_spot_is_unchecked_unless_somebody_vouches_for_it() {
+    let (size, _, pairs) = turning_off_axis(0.0, 1);
+    for (motion, level) in [(MotionModel::Auto, VerdictLevel::Unchecked), (MotionModel::Turning, VerdictLevel::Usable)]
+    {
+        let options = Options { motion, ..Options::default() };
+        let c = calibrate_matches(&names(12), size, &pairs, &options, &Silent).expect("a camera");
+        let v = verdict(&c);
+        assert_eq!((v.level, v.checked), (level, true), "{v:?}");
+        assert!(v.reasons.iter().any(|r| r.code == "lens_on_axis_assumed"));
+    }
+}
+
+#[test]
+fn parallax_of_a_lens_off_the_axis_is_named_and_nothing_is_where_there_is_none() {
+    let options = Options { motion: MotionModel::Turning, ..Options::default() };
+    let named = |ahead: f64, seed: u64| {
+        let (size, k, pairs) = turning_off_axis(ahead, seed);
+        let c = calibrate_matches(&names(12), size, &pairs, &options, &Silent).expect("a camera");
+        let (error, sigma) = (c.camera.fx - k.fx, c.standard_deviation.fx.expect("estimated"));
+        println!(
+            "ahead {ahead}, seed {seed}: {error:.3} +- {sigma:.3} {:?}",
+            c.warnings.iter().map(|w| w.code()).collect::<Vec<_>>()
+        );
+        c.warnings.iter().any(|w| w.code() == "lens_off_axis")
+    };
+    let far = (0..8).filter(|&seed| named(0.0, seed)).count();
+    assert!(far <= 1, "one in a thousand by chance: {far} of 8");
+    let near = (0..8).filter(|&seed| named(0.01, seed)).count();
+    assert!(near >= 4, "{near} of 8");
+}
