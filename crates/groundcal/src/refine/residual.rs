@@ -198,6 +198,8 @@ pub struct Projection {
     pub by_frame: SMatrix<f64, 2, FRAME_POSE>,
     /// By the point's homogeneous coordinates.
     pub by_point: Matrix2x3<f64>,
+    /// The point.
+    pub(crate) point: Vector3<f64>,
     /// By camera coordinates.
     pub(crate) by_camera_point: Matrix2x3<f64>,
     /// What the rotations turn: camera coordinates less the camera's translation in the rig.
@@ -256,6 +258,7 @@ fn derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>) -> Option<P
         by_group,
         by_frame,
         by_point: g * pose.matrix,
+        point: *q,
         by_camera_point: g,
         turned,
         weight,

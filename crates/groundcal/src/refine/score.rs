@@ -2,11 +2,11 @@
 //!
 //! ```text
 //! B = Jᵀ M C,   D = Cᵀ M C,   g = Cᵀ M r,      M = I - P (Pᵀ P)⁻¹ Pᵀ
-//! S = D - Bᵀ A⁻¹ B,   δ = -S⁻¹ (g - Bᵀ A⁻¹ ∇),   T = δᵀ S δ ~ χ²(m) where the numbers are what they are held at
+//! S = D + Λ - Bᵀ A⁻¹ B,   δ = -S⁻¹ (g - Bᵀ A⁻¹ ∇),   T = δᵀ S δ ~ χ²(m) where the numbers are what they are held at
 //! and the columns move by -A⁻¹ B δ
 //! ```
 //!
-//! C: derivatives of the observations by the m numbers; J: by the columns; P: by the point of each track; A and ∇: information and gradient
+//! C: derivatives of the observations by the m numbers; J: by the columns; P: by the point of each track; Λ: information of the numbers' priors, with which T is a little small; A and ∇: information and gradient
 //! of the columns at the solution. The numbers take no column, and nothing is solved again: a score
 //! (Lagrange multiplier) test (Rao 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*).
 
@@ -27,6 +27,8 @@ use crate::{
 /// Numbers left out, as the residuals have them.
 #[derive(Debug, Clone)]
 pub(crate) struct Score<const NUMBERS: usize> {
+    /// What they would be, from what they are held at.
+    pub(crate) step: SVector<f64, NUMBERS>,
     /// T: the fall of -2 ln likelihood with them.
     pub(crate) statistic: f64,
 }
@@ -109,14 +111,16 @@ pub(crate) fn without_point<const NUMBERS: usize>(
 }
 
 impl Problem {
-    /// The score of numbers that have no columns. `None` where the residuals do not depend on them beside the others.
+    /// The score of numbers that have no columns, with the standard deviation that each has beforehand (infinite: none). `None` where the residuals do not depend on them beside the others.
     pub(crate) fn score<const NUMBERS: usize>(
         &self,
         at: Minimum<'_>,
+        sigma: f64,
         by_numbers: &ByNumbers<'_, NUMBERS>,
     ) -> Option<Score<NUMBERS>> {
         let (with_columns, products) = self.products(at.state, by_numbers)?;
-        let (mut information, mut right) = (products.with_themselves, products.with_residuals);
+        let mut information = products.with_themselves + SMatrix::identity() / (sigma * sigma);
+        let mut right = products.with_residuals;
         for number in 0..NUMBERS {
             let explained = at.factor.solve(&with_columns.column(number).into_owned());
             right[number] -= explained.dot(at.gradient);
@@ -126,7 +130,7 @@ impl Problem {
         }
         let step = -(information.try_inverse()? * right);
         let statistic = step.dot(&(information * step));
-        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { statistic })
+        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { step, statistic })
     }
 
     /// By how much each column moves with each of the numbers, were they not what they are held at: -A⁻¹ B.
