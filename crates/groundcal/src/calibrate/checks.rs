@@ -82,9 +82,9 @@ pub(super) fn doubts(
     warnings.extend(large_uncertainty(percent));
     if let Some(joint) = &solved.joint {
         warnings.extend(straying_motions(solved, joint, pairs, names));
-        warnings.extend(joint.bundle.lever_arm.as_ref().map(|lever_arm| Warning::LensOffAxis {
-            percent_of_distance: 100.0 * lever_arm.over_distance,
-            fx_percent: 100.0 * lever_arm.moves_ln_f.abs(),
+        warnings.extend(joint.bundle.lever_arm.as_ref().and_then(|lever_arm| {
+            let percent_of_distance = 100.0 * lever_arm.over_distance?;
+            Some(Warning::LensOffAxis { percent_of_distance, fx_percent: 100.0 * lever_arm.ln_f_sigma })
         }));
         let floors = joint.floors;
         if floors.contradict >= MIN_CONTRADICTIONS && floors.contradict > floors.agree {

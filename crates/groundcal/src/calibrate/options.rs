@@ -343,6 +343,7 @@ impl Options {
             attitude_sigma_rad: (!camera.estimate_attitude_sigma).then_some(camera.attitude_sigma_rad),
             attitude_scale_rad: camera.attitude_sigma_rad,
             height_sigma: self.height_sigma,
+            lens_on_axis: self.motion == MotionModel::Turning,
             ..BundleOptions::new(vec![unknowns])
         }
     }

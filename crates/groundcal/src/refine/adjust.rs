@@ -215,7 +215,7 @@ impl<'a> Rounds<'a> {
         observer: &dyn Observer,
     ) -> Result<Bundle, Error> {
         let (problem, tracks) = (&self.problem, self.tracks);
-        let lever_arm = LeverArm::of(problem, minimum(&fit));
+        let lever_arm = LeverArm::of(problem, minimum(&fit), self.options.lens_on_axis);
         let Fit { out, factor, squared_residuals, .. } = fit;
         // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
         let dof = weighing.degrees_of_freedom;

@@ -351,6 +351,9 @@ pub struct BundleOptions {
     pub height_sigma: Option<f64>,
     /// Frames whose attitudes do not count among those that σ_a is of: they strayed by their own means, by up to [`STRAY_SIGMA_RAD`].
     pub stray_frames: Vec<usize>,
+    /// Somebody vouches that a camera taken to turn on the spot turns about its lens. Otherwise its covariance allows for a lens off the
+    /// axis by what the residuals leave open ([`crate::refine::LeverArm`]).
+    pub lens_on_axis: bool,
     /// Departures of the frames' pictures that are estimated, each with a deviation of its own.
     pub departures: Vec<DepartureKind>,
     /// Residuals beyond this many standard deviations count less.
@@ -386,6 +389,7 @@ impl BundleOptions {
             attitude_scale_rad: 0.1f64.to_radians(),
             height_sigma: None,
             stray_frames: Vec::new(),
+            lens_on_axis: false,
             departures: Vec::new(),
             huber: Self::HUBER,
             rounds: 10,

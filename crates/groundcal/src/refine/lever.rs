@@ -17,7 +17,7 @@
 //! What the camera is wrong by goes into its error bars. C: derivatives of a point's observations by ρ l; M takes the direction of the
 //! point out; r: residuals.
 
-use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, SymmetricEigen, Vector3};
+use nalgebra::{DMatrix, Matrix3, SMatrix, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 
 use crate::{
@@ -32,55 +32,67 @@ use crate::{
 
 /// Probability below which parallax is not put down to chance; along any of three directions.
 const LEVER_P: f64 = 1e-3;
-/// Standard deviation, beforehand, of the numbers of ρ l: 3 mm over a floor 1.5 m below are 0.002, an arm's length in a room 0.2.
-const SIGMA: f64 = 0.1;
+/// Standard deviation, beforehand, of the numbers of ρ l: 3 mm over a floor 1.5 m below are 0.002, a tripod head's 5 cm before things 5 m away
+/// 0.01, an arm's length in a room 0.2, which is then seen.
+const SIGMA: f64 = 0.01;
 /// Standard deviation of inverse distances over their mean. (Seen from above, the inverse distances of the points of a floor are spread evenly
 /// from the horizon down: 0.58. In rooms whose walls are 1 to 4 away it is 0.4, from 2 to 4 0.2.)
 const VARIATION: f64 = 0.4;
 
-/// Parallax that a camera taken to turn on the spot shows.
+/// What a camera taken to turn on the spot may be wrong by for a lens off the axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeverArm {
-    /// How far the lens is off the axis, over the (harmonic) mean distance of the points.
-    pub over_distance: f64,
-    /// By how much ln f of the first camera is wrong for leaving it out.
-    pub moves_ln_f: f64,
-    /// By how much the numbers of the first camera are.
-    moves: Vec<(usize, f64)>,
+    /// How far the lens is off the axis, over the (harmonic) mean distance of the points; `None`: the images show no parallax.
+    pub over_distance: Option<f64>,
+    /// Deviation of ln f of the first camera for it.
+    pub ln_f_sigma: f64,
+    /// Covariance of the numbers of the first camera for it, by their places.
+    added: Vec<((usize, usize), f64)>,
 }
 
 /// Of a point: g and D.
 type Parallax = (Vector3<f64>, Matrix3<f64>);
 
+/// What an account of parallax says: how far the lens is off the axis where that is not put down to chance, and the covariance of the
+/// columns of the first camera for it.
+struct Account {
+    over_distance: Option<f64>,
+    covariance: DMatrix<f64>,
+}
+
 impl LeverArm {
-    /// Of a solution; `None`: it shows none.
-    pub(crate) fn of(problem: &Problem, at: Minimum<'_>) -> Option<Self> {
+    /// Of a solution. `on_axis`: somebody vouches that the lens was on the axis; then what is not seen is not there.
+    pub(crate) fn of(problem: &Problem, at: Minimum<'_>, on_axis: bool) -> Option<Self> {
         if problem.scene != SceneModel::Directions {
             return None;
         }
-        let found = [of_a_floor(problem, at), of_single_points(problem, at)];
-        let of_camera = || problem.layout.cameras[0].free();
-        let arms = found.into_iter().flatten().map(|(over_distance, moved)| {
-            let moves: Vec<(usize, f64)> = of_camera().map(|(number, column)| (number, moved[column])).collect();
-            let moves_ln_f = moves.iter().find(|(number, _)| *number == 0).map_or(0.0, |(_, by)| *by);
-            Self { over_distance, moves_ln_f, moves }
-        });
-        arms.max_by(|a, b| a.moves_ln_f.abs().total_cmp(&b.moves_ln_f.abs()))
+        let columns: Vec<(usize, usize)> = problem.layout.cameras[0].free().collect();
+        let accounts: Vec<Account> =
+            [of_a_floor(problem, at, on_axis), of_single_points(problem, at)].into_iter().flatten().collect();
+        let covariance = |row: usize, column: usize| accounts.iter().map(|a| a.covariance[(row, column)]).sum::<f64>();
+        let mut added = Vec::new();
+        for (r, &(row, _)) in columns.iter().enumerate() {
+            added.extend(columns.iter().enumerate().map(|(c, &(column, _))| ((row, column), covariance(r, c))));
+        }
+        let ln_f_sigma = added.iter().find(|(places, _)| *places == (0, 0)).map_or(0.0, |(_, v)| v.sqrt());
+        let over_distance = accounts.iter().filter_map(|a| a.over_distance).max_by(f64::total_cmp);
+        (!accounts.is_empty()).then_some(Self { over_distance, ln_f_sigma, added })
     }
 
     /// Adds what leaving it out makes wrong to the covariance of the first camera.
     pub(crate) fn widen(&self, covariance: &mut DMatrix<f64>) {
-        for &(row, by_row) in &self.moves {
-            for &(column, by_column) in &self.moves {
-                covariance[(row, column)] += by_row * by_column;
-            }
-        }
+        self.added.iter().for_each(|(places, value)| covariance[*places] += value);
     }
 }
 
-/// How far the lens is off the axis over the mean distance, and by how much the columns are wrong for it, with distances that follow from the
-/// direction of a point.
-fn of_a_floor(problem: &Problem, at: Minimum<'_>) -> Option<(f64, DVector<f64>)> {
+/// The rows of the first camera's columns.
+fn of_camera(problem: &Problem, all: &DMatrix<f64>) -> DMatrix<f64> {
+    let columns: Vec<usize> = problem.layout.cameras[0].free().map(|(_, column)| column).collect();
+    all.select_rows(&columns)
+}
+
+/// With distances that follow from the direction of a point.
+fn of_a_floor(problem: &Problem, at: Minimum<'_>, on_axis: bool) -> Option<Account> {
     let by_numbers: &ByNumbers<'_, 12> = &|_, projection, _| {
         let by = -projection.by_camera_point;
         let q = projection.point;
@@ -91,19 +103,26 @@ fn of_a_floor(problem: &Problem, at: Minimum<'_>) -> Option<(f64, DVector<f64>)>
         all
     };
     let score = problem.score(at, SIGMA, by_numbers)?;
-    if score.chance() >= LEVER_P {
+    let seen = score.chance() < LEVER_P;
+    if on_axis && !seen {
         return None;
     }
-    let moved = problem.moved_by(at, by_numbers)? * score.step;
-    Some((score.step.norm(), moved))
+    let moved = of_camera(problem, &problem.moved_by(at, by_numbers)?);
+    let step = &moved * score.step;
+    let mut covariance = &step * step.transpose();
+    if !on_axis {
+        covariance += &moved * score.covariance * moved.transpose();
+    }
+    Some(Account { over_distance: seen.then(|| score.step.norm()), covariance })
 }
 
-/// The same with distances of each point's own.
-fn of_single_points(problem: &Problem, at: Minimum<'_>) -> Option<(f64, DVector<f64>)> {
+/// With distances of each point's own.
+fn of_single_points(problem: &Problem, at: Minimum<'_>) -> Option<Account> {
     let (direction, lambda) = direction_of(&parallaxes(problem, at)?)?;
     let over_distance = lambda / VARIATION;
     let by_unit = problem.moved_by::<3>(at, &|_, projection, _| -projection.by_camera_point)?;
-    Some((over_distance, by_unit * direction * over_distance))
+    let step = of_camera(problem, &by_unit) * direction * over_distance;
+    Some(Account { over_distance: Some(over_distance), covariance: &step * step.transpose() })
 }
 
 /// The direction in which the residuals of the points have most variance beyond their own, and the root of that; `None` where that is

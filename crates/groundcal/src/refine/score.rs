@@ -10,7 +10,7 @@
 //! of the columns at the solution. The numbers take no column, and nothing is solved again: a score
 //! (Lagrange multiplier) test (Rao 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*).
 
-use nalgebra::{Const, DMatrix, DVector, Dyn, OMatrix, SMatrix, SVector};
+use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use rayon::prelude::*;
 
 use crate::{
@@ -29,6 +29,8 @@ use crate::{
 pub(crate) struct Score<const NUMBERS: usize> {
     /// What they would be, from what they are held at.
     pub(crate) step: SVector<f64, NUMBERS>,
+    /// Their covariance.
+    pub(crate) covariance: SMatrix<f64, NUMBERS, NUMBERS>,
     /// T: the fall of -2 ln likelihood with them.
     pub(crate) statistic: f64,
 }
@@ -128,9 +130,10 @@ impl Problem {
                 information[(other, number)] -= with_columns.column(other).dot(&explained);
             }
         }
-        let step = -(information.try_inverse()? * right);
+        let covariance = information.try_inverse()?;
+        let step = -(covariance * right);
         let statistic = step.dot(&(information * step));
-        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { step, statistic })
+        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { step, covariance, statistic })
     }
 
     /// By how much each column moves with each of the numbers, were they not what they are held at: -A⁻¹ B.
@@ -138,9 +141,9 @@ impl Problem {
         &self,
         at: Minimum<'_>,
         by_numbers: &ByNumbers<'_, NUMBERS>,
-    ) -> Option<OMatrix<f64, Dyn, Const<NUMBERS>>> {
+    ) -> Option<DMatrix<f64>> {
         let (with_columns, _) = self.products(at.state, by_numbers)?;
-        let mut moved = OMatrix::<f64, Dyn, Const<NUMBERS>>::zeros(self.layout.size);
+        let mut moved = DMatrix::zeros(self.layout.size, NUMBERS);
         for number in 0..NUMBERS {
             moved.set_column(number, &-at.factor.solve(&with_columns.column(number).into_owned()));
         }

@@ -74,15 +74,22 @@ fn turning_off_axis(ahead: f64, seed: u64) -> (ImageSize, Intrinsics, Vec<ImageP
 }
 
 #[test]
-fn a_turn_on_the_spot_is_unchecked_unless_somebody_vouches_for_it() {
+fn a_turn_on_the_spot_allows_for_a_lens_off_the_axis_unless_somebody_vouches_for_it() {
     let (size, _, pairs) = turning_off_axis(0.0, 1);
-    for (motion, level) in [(MotionModel::Auto, VerdictLevel::Unchecked), (MotionModel::Turning, VerdictLevel::Usable)]
-    {
+    let asked = |motion| {
         let options = Options { motion, ..Options::default() };
-        let c = calibrate_matches(&names(12), size, &pairs, &options, &Silent).expect("a camera");
+        calibrate_matches(&names(12), size, &pairs, &options, &Silent).expect("a camera")
+    };
+    for (motion, code, percent) in [
+        (MotionModel::Auto, "lens_may_be_off_axis", 0.5..2.0),
+        (MotionModel::Turning, "lens_on_axis_assumed", 0.0..0.05),
+    ] {
+        let c = asked(motion);
         let v = verdict(&c);
-        assert_eq!((v.level, v.checked), (level, true), "{v:?}");
-        assert!(v.reasons.iter().any(|r| r.code == "lens_on_axis_assumed"));
+        assert_eq!((v.level, v.checked), (VerdictLevel::Usable, true), "{v:?}");
+        assert!(v.reasons.iter().any(|r| r.code == code), "{v:?}");
+        let of_fx = 100.0 * c.standard_deviation.fx.expect("estimated") / c.camera.fx;
+        assert!(percent.contains(&of_fx), "{of_fx} %");
     }
 }
 
