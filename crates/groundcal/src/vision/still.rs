@@ -1,7 +1,7 @@
 //! What stands still in all images of a set: a bumper, a robot's frame, the background of a turntable, a date stamp.
 //!
-//! The images, halved to [`MAX_PIXELS`] or less, are reduced to the detail that features are made of, and that to unit length in every cell of
-//! [`CELL`] x [`CELL`] pixels in which there is any:
+//! The images, halved to `MAX_PIXELS` or less, are reduced to the detail that features are made of, and that to unit length in every cell of
+//! `CELL` x `CELL` pixels in which there is any:
 //!
 //! ```text
 //! d_i = G(1) * I_i - G(2) * I_i,    z_i = d_i / |d_i|,    S = Σ z_i
@@ -10,7 +10,7 @@
 //!
 //! c_i is the mean correlation of image i with the n - 1 others at the same place. It needs one pass over the images, no features and no pairs, and
 //! gain and offset of the exposure fall out. What stands still has a c_i of the fraction of the detail's variance that is not noise; what
-//! moves has none (see [`LEAST_CORRELATION`]).
+//! moves has none (see `LEAST_CORRELATION`).
 
 use std::sync::Arc;
 
