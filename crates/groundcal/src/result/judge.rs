@@ -169,3 +169,34 @@ fn is_checked(c: &Calibration) -> bool {
         _ => c.attitudes.len() > 1 || (used > 1 && views > 2),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn residuals_speak_against_the_model_beyond_what_noise_does() {
+        let codes = |variance_factor: f64, design_effect: f64, degrees_of_freedom: f64, scene: Scene| {
+            let residuals = ResidualReport { observations: 1000, variance_factor, design_effect };
+            let found = of_residuals(&residuals, degrees_of_freedom, Some(scene));
+            found.into_iter().map(|(code, _)| code).collect::<Vec<_>>()
+        };
+        assert!(codes(1.0, 2.0, 1000.0, Scene::Floor).is_empty());
+        assert_eq!(codes(0.6, 1.0, 1000.0, Scene::Floor), ["residuals_below_noise"]);
+        // Few residuals are as small by chance, and neighbours that have something in common are few.
+        assert!(codes(0.6, 1.0, 12.0, Scene::Floor).is_empty());
+        assert!(codes(0.6, 2.5, 30.0, Scene::Floor).is_empty());
+        assert_eq!(codes(6.0, 1.0, 1000.0, Scene::Floor), ["residuals_above_noise"]);
+        assert_eq!(codes(1.0, 3.0, 1000.0, Scene::Floor), ["neighbours_move_together"]);
+        // There it is judged, and refused, by the refinement.
+        assert!(codes(1.0, 3.0, 1000.0, Scene::Directions).is_empty());
+    }
+
+    #[test]
+    fn only_what_contradicts_an_answer_is_a_verdict_on_a_refusal() {
+        let unsound = Error::Unsound { reason: "residuals".into(), remedies: Vec::new() };
+        let verdict = verdict_on_refusal(&unsound).expect("contradicted");
+        assert_eq!((verdict.level, verdict.reasons[0].code.as_str()), (VerdictLevel::Contradicted, "unsound"));
+        assert!(verdict_on_refusal(&Error::TooFewImages { found: 1 }).is_none());
+    }
+}

@@ -101,8 +101,14 @@ fn headline(c: &Calibration, model: &Model) -> String {
 /// Whether to trust it; reasons that are warnings stand in full below.
 fn verdict(c: &Calibration) -> String {
     let Some(v) = &c.verdict else { return String::new() };
-    let own: String = beside_warnings(c).iter().map(|r| format!("<br>{}.", escape(&r.message))).collect();
+    let own: String = beside_warnings(c).iter().map(|r| format!("<br>{}.", escape(&sentence(&r.message)))).collect();
     format!("<p class=\"verdict {}\"><strong>{}.</strong>{own}</p>\n", v.level.name(), escape(&verdict_line(v)))
+}
+
+/// With a capital at its beginning.
+fn sentence(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
 
 fn warnings(model: &Model) -> String {
