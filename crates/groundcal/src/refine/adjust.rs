@@ -233,6 +233,11 @@ impl<'a> Rounds<'a> {
         if let Some((lever_arm, first)) = lever_arm.as_ref().zip(cameras.first_mut()) {
             lever_arm.widen(&mut first.covariance);
         }
+        let (mut groups, mut views) = (solution.groups(), solution.views(tracks, &squared_residuals));
+        if let Some(lever_arm) = &lever_arm {
+            groups.iter_mut().for_each(|group| lever_arm.widen(group.covariance.matrix_mut()));
+            views.iter_mut().flatten().for_each(|view| lever_arm.widen(view.covariance.matrix_mut()));
+        }
         let variance_factors = std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k]));
         let residuals = std::array::from_fn(|k| (weighing.of_kinds[k], variance_factors[k]));
         let at = (&out.state, &out.linearised);
@@ -245,8 +250,8 @@ impl<'a> Rounds<'a> {
             lever_arm,
             unknowns: problem.cameras.clone(),
             rig: solution.rig(),
-            groups: solution.groups(),
-            views: solution.views(tracks, &squared_residuals),
+            groups,
+            views,
             stray_frames: problem.stray_frames.clone(),
             attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..components.attitude },
             height_sigma: Component { sigma: problem.height_sigma, ..components.height },

@@ -35,6 +35,11 @@ impl JointCovariance {
         &self.matrix
     }
 
+    /// To add to it what else is not known.
+    pub(crate) fn matrix_mut(&mut self) -> &mut DMatrix<f64> {
+        &mut self.matrix
+    }
+
     /// How many of the first are the camera's.
     pub fn camera_numbers(&self) -> usize {
         self.camera_numbers
