@@ -229,14 +229,14 @@ impl<'a> Rounds<'a> {
         observer.go_on()?;
         let widened = student * unexplained * nonlinear * nonlinear;
         let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };
-        let mut cameras = with_departures(solution.cameras(), components);
-        if let Some((lever_arm, first)) = lever_arm.as_ref().zip(cameras.first_mut()) {
-            lever_arm.widen(&mut first.covariance);
-        }
+        let mut cameras = solution.cameras();
         let (mut groups, mut views) = (solution.groups(), solution.views(tracks, &squared_residuals));
-        if let Some(lever_arm) = &lever_arm {
-            groups.iter_mut().for_each(|group| lever_arm.widen(group.covariance.matrix_mut()));
-            views.iter_mut().flatten().for_each(|view| lever_arm.widen(view.covariance.matrix_mut()));
+        let added = of_all_pictures(&cameras, components, lever_arm.as_ref());
+        let of_cameras = cameras.iter_mut().take(1).map(|camera| &mut camera.covariance);
+        let of_groups = groups.iter_mut().map(|group| group.covariance.matrix_mut());
+        let of_views = views.iter_mut().flatten().map(|view| view.covariance.matrix_mut());
+        for covariance in of_cameras.chain(of_groups).chain(of_views) {
+            added.iter().for_each(|(places, value)| covariance[*places] += value);
         }
         let variance_factors = std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k]));
         let residuals = std::array::from_fn(|k| (weighing.of_kinds[k], variance_factors[k]));
@@ -277,17 +277,18 @@ impl<'a> Rounds<'a> {
     }
 }
 
-/// The first camera is that of any of its pictures: how far these depart from each other in focal length and place is part of its covariance.
-fn with_departures(mut cameras: Vec<CameraEstimate>, components: &VarianceComponents) -> Vec<CameraEstimate> {
+/// What the covariance of the first camera has beside the inverse information, by places: it is the camera of any of its pictures, so that how
+/// far these depart from each other in focal length and place is part of it; and what a lens off the axis may make wrong.
+fn of_all_pictures(
+    cameras: &[CameraEstimate],
+    components: &VarianceComponents,
+    lever_arm: Option<&LeverArm>,
+) -> Vec<((usize, usize), f64)> {
     let [focal, _, shift] = components.departures.map(|c| c.sigma * c.sigma);
-    if let Some(first) = cameras.first_mut() {
-        for (number, variance) in [(0, focal), (2, shift), (3, shift)] {
-            if first.covariance[(number, number)] > 0.0 {
-                first.covariance[(number, number)] += variance;
-            }
-        }
-    }
-    cameras
+    let is_estimated = |number: usize| cameras.first().is_some_and(|c| c.covariance[(number, number)] > 0.0);
+    let departures = [(0, focal), (2, shift), (3, shift)].into_iter().filter(|(number, _)| is_estimated(*number));
+    let of_departures = departures.map(|(number, variance)| ((number, number), variance));
+    of_departures.chain(lever_arm.map_or(&[][..], LeverArm::added).iter().copied()).collect()
 }
 
 /// Refuses what would index beyond the cameras, frames and groups there are.

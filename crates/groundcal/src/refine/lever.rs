@@ -53,76 +53,54 @@ pub struct LeverArm {
 /// Of a point: g and D.
 type Parallax = (Vector3<f64>, Matrix3<f64>);
 
-/// What an account of parallax says: how far the lens is off the axis where that is not put down to chance, and the covariance of the
-/// columns of the first camera for it.
-struct Account {
-    over_distance: Option<f64>,
-    covariance: DMatrix<f64>,
-}
-
 impl LeverArm {
     /// Of a solution. `on_axis`: somebody vouches that the lens was on the axis; then what is not seen is not there.
     pub(crate) fn of(problem: &Problem, at: Minimum<'_>, on_axis: bool) -> Option<Self> {
         if problem.scene != SceneModel::Directions {
             return None;
         }
-        let columns: Vec<(usize, usize)> = problem.layout.cameras[0].free().collect();
-        let accounts: Vec<Account> =
-            [of_a_floor(problem, at, on_axis), of_single_points(problem, at)].into_iter().flatten().collect();
-        let covariance = |row: usize, column: usize| accounts.iter().map(|a| a.covariance[(row, column)]).sum::<f64>();
-        let mut added = Vec::new();
-        for (r, &(row, _)) in columns.iter().enumerate() {
-            added.extend(columns.iter().enumerate().map(|(c, &(column, _))| ((row, column), covariance(r, c))));
+        let by_numbers: &ByNumbers<'_, 12> = &|_, projection| {
+            let by = -projection.by_camera_point;
+            let q = projection.point;
+            let mut all = SMatrix::<f64, 2, 12>::zeros();
+            for (block, factor) in [1.0, q.x, q.y, q.z].into_iter().enumerate() {
+                all.fixed_columns_mut::<3>(3 * block).copy_from(&(by * factor));
+            }
+            all
+        };
+        let score = problem.score(at, SIGMA, by_numbers)?;
+        let free: Vec<(usize, usize)> = problem.layout.cameras[0].free().collect();
+        let moved_by = score.moved_by.select_rows(free.iter().map(|(_, column)| column));
+        let of_a_floor = score.chance() < LEVER_P;
+        let of_single_points = direction_of(&parallaxes(problem, at)?);
+        let mut covariance = DMatrix::zeros(free.len(), free.len());
+        let mut over_distance = None;
+        if !on_axis {
+            covariance += &moved_by * score.covariance * moved_by.transpose();
         }
+        if of_a_floor || !on_axis {
+            let step = &moved_by * score.step;
+            covariance += &step * step.transpose();
+            over_distance = of_a_floor.then(|| score.step.norm());
+        }
+        if let Some((direction, lambda)) = of_single_points {
+            let far = lambda / VARIATION;
+            // The first three numbers are l at one distance for all.
+            let step = moved_by.columns(0, 3) * direction * far;
+            covariance += &step * step.transpose();
+            over_distance = Some(over_distance.map_or(far, |other: f64| other.max(far)));
+        }
+        let places = free.iter().enumerate().flat_map(|r| free.iter().enumerate().map(move |c| (r, c)));
+        let added: Vec<((usize, usize), f64)> =
+            places.map(|((r, &(row, _)), (c, &(column, _)))| ((row, column), covariance[(r, c)])).collect();
         let ln_f_sigma = added.iter().find(|(places, _)| *places == (0, 0)).map_or(0.0, |(_, v)| v.sqrt());
-        let over_distance = accounts.iter().filter_map(|a| a.over_distance).max_by(f64::total_cmp);
-        (!accounts.is_empty()).then_some(Self { over_distance, ln_f_sigma, added })
+        Some(Self { over_distance, ln_f_sigma, added })
     }
 
-    /// Adds what leaving it out makes wrong to the covariance of the first camera.
-    pub(crate) fn widen(&self, covariance: &mut DMatrix<f64>) {
-        self.added.iter().for_each(|(places, value)| covariance[*places] += value);
+    /// What leaving it out makes wrong in the covariance of the first camera, by places.
+    pub(crate) fn added(&self) -> &[((usize, usize), f64)] {
+        &self.added
     }
-}
-
-/// The rows of the first camera's columns.
-fn of_camera(problem: &Problem, all: &DMatrix<f64>) -> DMatrix<f64> {
-    let columns: Vec<usize> = problem.layout.cameras[0].free().map(|(_, column)| column).collect();
-    all.select_rows(&columns)
-}
-
-/// With distances that follow from the direction of a point.
-fn of_a_floor(problem: &Problem, at: Minimum<'_>, on_axis: bool) -> Option<Account> {
-    let by_numbers: &ByNumbers<'_, 12> = &|_, projection, _| {
-        let by = -projection.by_camera_point;
-        let q = projection.point;
-        let mut all = SMatrix::<f64, 2, 12>::zeros();
-        for (block, factor) in [1.0, q.x, q.y, q.z].into_iter().enumerate() {
-            all.fixed_columns_mut::<3>(3 * block).copy_from(&(by * factor));
-        }
-        all
-    };
-    let score = problem.score(at, SIGMA, by_numbers)?;
-    let seen = score.chance() < LEVER_P;
-    if on_axis && !seen {
-        return None;
-    }
-    let moved = of_camera(problem, &problem.moved_by(at, by_numbers)?);
-    let step = &moved * score.step;
-    let mut covariance = &step * step.transpose();
-    if !on_axis {
-        covariance += &moved * score.covariance * moved.transpose();
-    }
-    Some(Account { over_distance: seen.then(|| score.step.norm()), covariance })
-}
-
-/// With distances of each point's own.
-fn of_single_points(problem: &Problem, at: Minimum<'_>) -> Option<Account> {
-    let (direction, lambda) = direction_of(&parallaxes(problem, at)?)?;
-    let over_distance = lambda / VARIATION;
-    let by_unit = problem.moved_by::<3>(at, &|_, projection, _| -projection.by_camera_point)?;
-    let step = of_camera(problem, &by_unit) * direction * over_distance;
-    Some(Account { over_distance: Some(over_distance), covariance: &step * step.transpose() })
 }
 
 /// The direction in which the residuals of the points have most variance beyond their own, and the root of that; `None` where that is
@@ -155,7 +133,7 @@ fn parallaxes(problem: &Problem, at: Minimum<'_>) -> Option<Vec<Parallax>> {
         let mut rows = TrackRows::new(c);
         let mut derivatives = vec![Vector3::zeros(); 2 * c.images.len()];
         let of_track = |&t: &usize| {
-            problem.linearise_track((c, t), at.state, &views, &mut rows, |o, projection, _, root| {
+            problem.linearise_track((c, t), at.state, &views, &mut rows, |o, projection, root| {
                 let by = -projection.by_camera_point;
                 derivatives[2 * o] = (by.row(0) * root[0] + by.row(1) * root[1]).transpose();
                 derivatives[2 * o + 1] = (by.row(1) * root[2]).transpose();

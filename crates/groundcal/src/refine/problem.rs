@@ -295,7 +295,7 @@ impl Problem {
         let mut part = Part::new(cluster, c.columns.len(), tracks.len());
         let mut rows = TrackRows::new(c);
         for &t in tracks {
-            let squared = self.linearise_track((c, t), state, views, &mut rows, |_, _, _, _| {})?;
+            let squared = self.linearise_track((c, t), state, views, &mut rows, |_, _, _| {})?;
             part.add_cost(0.5 * squared);
             part.keep_residuals(&rows, c.images.len());
             part.eliminate(t, &mut rows, &c.places)?;
@@ -313,7 +313,7 @@ impl Problem {
         state: &State,
         views: &Views,
         rows: &mut TrackRows,
-        mut also: impl FnMut(usize, &Projection, &Seen, [f64; 3]),
+        mut also: impl FnMut(usize, &Projection, [f64; 3]),
     ) -> Option<f64> {
         rows.clear();
         let q = &state.points[t];
@@ -342,7 +342,7 @@ impl Problem {
                 row.set_point(k, (by.x, by.y), root);
             }
             row.set_residual(r.x, r.y);
-            also(o, &p, s, root);
+            also(o, &p, root);
         }
         Some(squared)
     }

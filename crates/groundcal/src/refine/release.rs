@@ -13,7 +13,7 @@ pub(crate) fn released(problem: &Problem, tracks: &[Track], at: Minimum<'_>) -> 
         let number = MATRIX + of_lens;
         // A lens that has no such number has no use for it.
         let score = (number < state.cameras[camera].count()).then(|| {
-            problem.score::<1>(at, f64::INFINITY, &|image, projection, _| {
+            problem.score::<1>(at, f64::INFINITY, &|image, projection| {
                 let by = projection.by_camera.column(number);
                 if image.1 == camera { by.into_owned() } else { by * 0.0 }
             })

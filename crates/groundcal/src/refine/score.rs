@@ -6,22 +6,16 @@
 //! and the columns move by -A⁻¹ B δ
 //! ```
 //!
-//! C: derivatives of the observations by the m numbers; J: by the columns; P: by the point of each track; Λ: information of the numbers' priors, with which T is a little small; A and ∇: information and gradient
-//! of the columns at the solution. The numbers take no column, and nothing is solved again: a score
-//! (Lagrange multiplier) test (Rao 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*).
+//! C: derivatives of the observations by the m numbers; J: by the columns; P: by the point of each track; A and ∇: information and gradient of
+//! the columns at the solution; Λ: information of the numbers' priors, with which T is a little small. The numbers take no column, and
+//! nothing is solved again: a score (Lagrange multiplier) test (Rao 1948; Engle 1984, *Wald, likelihood ratio and Lagrange multiplier tests*).
 
 use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use rayon::prelude::*;
 
 use crate::{
     numerics::{skyline::SkylineCholesky, statistics::chi_squared_survival},
-    refine::{
-        blocks::State,
-        elimination::TrackRows,
-        layout::Cluster,
-        problem::{Problem, Seen},
-        residual::Projection,
-    },
+    refine::{blocks::State, elimination::TrackRows, layout::Cluster, problem::Problem, residual::Projection},
 };
 
 /// Numbers left out, as the residuals have them.
@@ -33,6 +27,8 @@ pub(crate) struct Score<const NUMBERS: usize> {
     pub(crate) covariance: SMatrix<f64, NUMBERS, NUMBERS>,
     /// T: the fall of -2 ln likelihood with them.
     pub(crate) statistic: f64,
+    /// By how much each column moves with each of them, were they not what they are held at: -A⁻¹ B.
+    pub(crate) moved_by: DMatrix<f64>,
 }
 
 impl<const NUMBERS: usize> Score<NUMBERS> {
@@ -51,9 +47,9 @@ pub(crate) struct Minimum<'a> {
     pub(crate) gradient: &'a DVector<f64>,
 }
 
-/// Derivatives of an observation by the numbers: of (frame, camera), its projection and what was seen there.
+/// Derivatives of an observation by the numbers: of (frame, camera), and its projection.
 pub(crate) type ByNumbers<'a, const NUMBERS: usize> =
-    dyn Fn((usize, usize), &Projection, &Seen) -> SMatrix<f64, 2, NUMBERS> + Sync + 'a;
+    dyn Fn((usize, usize), &Projection) -> SMatrix<f64, 2, NUMBERS> + Sync + 'a;
 
 /// A cluster's part of the products with the derivatives by the numbers.
 struct Products<const NUMBERS: usize> {
@@ -113,7 +109,8 @@ pub(crate) fn without_point<const NUMBERS: usize>(
 }
 
 impl Problem {
-    /// The score of numbers that have no columns, with the standard deviation that each has beforehand (infinite: none). `None` where the residuals do not depend on them beside the others.
+    /// The score of numbers that have no columns, with the standard deviation that each has beforehand (infinite: none). `None` where the
+    /// residuals do not depend on them beside the others.
     pub(crate) fn score<const NUMBERS: usize>(
         &self,
         at: Minimum<'_>,
@@ -123,31 +120,19 @@ impl Problem {
         let (with_columns, products) = self.products(at.state, by_numbers)?;
         let mut information = products.with_themselves + SMatrix::identity() / (sigma * sigma);
         let mut right = products.with_residuals;
+        let mut moved_by = DMatrix::zeros(self.layout.size, NUMBERS);
         for number in 0..NUMBERS {
             let explained = at.factor.solve(&with_columns.column(number).into_owned());
             right[number] -= explained.dot(at.gradient);
             for other in 0..NUMBERS {
                 information[(other, number)] -= with_columns.column(other).dot(&explained);
             }
+            moved_by.set_column(number, &-explained);
         }
         let covariance = information.try_inverse()?;
         let step = -(covariance * right);
         let statistic = step.dot(&(information * step));
-        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { step, covariance, statistic })
-    }
-
-    /// By how much each column moves with each of the numbers, were they not what they are held at: -A⁻¹ B.
-    pub(crate) fn moved_by<const NUMBERS: usize>(
-        &self,
-        at: Minimum<'_>,
-        by_numbers: &ByNumbers<'_, NUMBERS>,
-    ) -> Option<DMatrix<f64>> {
-        let (with_columns, _) = self.products(at.state, by_numbers)?;
-        let mut moved = DMatrix::zeros(self.layout.size, NUMBERS);
-        for number in 0..NUMBERS {
-            moved.set_column(number, &-at.factor.solve(&with_columns.column(number).into_owned()));
-        }
-        Some(moved)
+        (statistic >= 0.0 && statistic.is_finite()).then_some(Score { step, covariance, statistic, moved_by })
     }
 
     /// B, and the products that have no columns.
@@ -163,8 +148,8 @@ impl Problem {
             let mut rows = TrackRows::new(c);
             let mut derivatives = vec![SVector::zeros(); 2 * c.images.len()];
             for &t in *tracks {
-                self.linearise_track((c, t), state, &views, &mut rows, |o, projection, seen, root| {
-                    let by = by_numbers(c.images[o], projection, seen);
+                self.linearise_track((c, t), state, &views, &mut rows, |o, projection, root| {
+                    let by = by_numbers(c.images[o], projection);
                     derivatives[2 * o] = (by.row(0) * root[0] + by.row(1) * root[1]).transpose();
                     derivatives[2 * o + 1] = (by.row(1) * root[2]).transpose();
                 })?;

@@ -82,7 +82,7 @@ pub fn verdict_on_refusal(error: &Error) -> Option<Verdict> {
 const LENS_MAY_BE_OFF_AXIS: (&str, &str) = (
     "lens_may_be_off_axis",
     "the camera turned on the spot: the error bars allow for a lens off the axis of turning by 1 % of the distance of what it saw (5 cm before \
-     things 5 m away), which images of things that are all about as far away do not show; if it turned about its entrance pupil, say so",
+     things 5 m away), which images of things that are all about as far away do not show; the motion `turning` vouches that there is none",
 );
 const LENS_ON_AXIS_ASSUMED: (&str, &str) = (
     "lens_on_axis_assumed",

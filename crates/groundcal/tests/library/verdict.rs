@@ -100,14 +100,14 @@ fn parallax_of_a_lens_off_the_axis_is_named_and_nothing_is_where_there_is_none()
         let (size, k, pairs) = turning_off_axis(ahead, seed);
         let c = calibrate_matches(&names(12), size, &pairs, &options, &Silent).expect("a camera");
         let (error, sigma) = (c.camera.fx - k.fx, c.standard_deviation.fx.expect("estimated"));
-        println!(
-            "ahead {ahead}, seed {seed}: {error:.3} +- {sigma:.3} {:?}",
-            c.warnings.iter().map(|w| w.code()).collect::<Vec<_>>()
-        );
+        let codes: Vec<&str> = c.warnings.iter().map(|w| w.code()).collect();
+        println!("ahead {ahead}, seed {seed}: {error:.3} +- {sigma:.3} {codes:?}");
+        // 1 % of an axis's distance moves f by 20 deviations of the matching noise: it is the allowance that covers it.
+        assert!(error.abs() < 4.0 * sigma, "ahead {ahead}, seed {seed}: {error} +- {sigma}");
         c.warnings.iter().any(|w| w.code() == "lens_off_axis")
     };
     let far = (0..8).filter(|&seed| named(0.0, seed)).count();
     assert!(far <= 1, "one in a thousand by chance: {far} of 8");
     let near = (0..8).filter(|&seed| named(0.01, seed)).count();
-    assert!(near >= 4, "{near} of 8");
+    assert_eq!(near, 8);
 }
