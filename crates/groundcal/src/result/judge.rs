@@ -114,6 +114,7 @@ fn level_with(warning: &Warning) -> Option<VerdictLevel> {
         | Warning::StaticBackground { .. }
         | Warning::StillInAllImages { .. }
         | Warning::DuplicateImages { .. }
+        | Warning::FisheyeLens { .. }
         | Warning::NeighboursOnly { .. }
         | Warning::LargeStrays { .. }
         | Warning::Other { .. } => None,
