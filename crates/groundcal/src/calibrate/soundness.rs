@@ -69,23 +69,20 @@ pub(super) fn refine_until_sound(
     let (mut left, mut solution) = (selection.clone(), solution.clone());
     let mut first_error = None;
     for dropped in 0..=most {
-        let (mut worst, mut stray) = (None, false);
+        let mut worst = None;
         for starts in [Starts::Usual, Starts::Many] {
             match attempt(&left, &solution, starts)? {
                 Attempt::NothingToRefine => return Ok(None),
                 Attempt::Sound(refined) => {
                     return Ok(Some(Sound { refined, selection: (dropped > 0).then_some(left) }));
                 }
+                // No start and no one motion is to blame where all of them stray.
+                Attempt::Failed(error, Some(refined)) if strays_too_far(&refined.joint) => return Err(error),
                 Attempt::Failed(error, refined) => {
                     first_error.get_or_insert(error);
-                    stray |= refined.as_ref().is_some_and(|r| strays_too_far(&r.joint));
                     worst = refined.as_ref().map(|r| worst_motion(&r.joint, pairs, &left.used())).or(worst);
                 }
             }
-        }
-        // No one motion is to blame where all of them stray.
-        if stray {
-            break;
         }
         left = left.clone().without(worst.unwrap_or_else(|| least_matched(pairs, &left.used())));
         match solve_camera_until(&left.motions(pairs), &options.frame, &options.camera, observer) {
