@@ -149,6 +149,7 @@ fn level_with(warning: &Warning) -> Option<VerdictLevel> {
         | Warning::DistortionNotModelled { .. }
         | Warning::DistortionNotConverged { .. }
         | Warning::LensOffAxis { .. }
+        | Warning::FocalLengthUnexpected { .. }
         | Warning::NotRefined { .. } => Some(VerdictLevel::Unchecked),
         Warning::SingleMotion
         | Warning::SingleAttitude { .. }
