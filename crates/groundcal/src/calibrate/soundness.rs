@@ -76,11 +76,13 @@ pub(super) fn refine_until_sound(
                 Attempt::Sound(refined) => {
                     return Ok(Some(Sound { refined, selection: (dropped > 0).then_some(left) }));
                 }
-                // No start and no one motion is to blame where all of them stray.
-                Attempt::Failed(error, Some(refined)) if strays_too_far(&refined.joint) => return Err(error),
                 Attempt::Failed(error, refined) => {
                     first_error.get_or_insert(error);
                     worst = refined.as_ref().map(|r| worst_motion(&r.joint, pairs, &left.used())).or(worst);
+                    // Another start does not help where one motion makes the attitudes of all stray.
+                    if dropped < most && refined.is_some_and(|r| strays_too_far(&r.joint)) {
+                        break;
+                    }
                 }
             }
         }
@@ -181,11 +183,16 @@ pub(super) fn check_field_of_view(k: &Intrinsics, size: ImageSize) -> Result<(),
     )))
 }
 
-/// The pair whose residuals are largest, in the median.
+/// The pair whose residuals are largest, in the median; where attitudes stray too far, the one whose two attitudes are furthest apart.
 fn worst_motion(joint: &Joint, pairs: &[PairObservation], used: &[PairId]) -> PairId {
+    let stray = strays_too_far(joint);
     let of_pair = |id: PairId| {
         let Some(views) = joint.views.of_pair(&pairs[id]) else { return 0.0 };
         let [a, b] = views.map(ViewId::index);
+        if stray {
+            let [a, b] = [a, b].map(|frame| joint.bundle.state.frames[frame].delta_rad);
+            return (a[0] - b[0]).hypot(a[1] - b[1]);
+        }
         let seen = |frame: usize, track: usize| joint.tracks[track].observations.iter().position(|o| o.frame == frame);
         let both = |track: usize| {
             let residuals = &joint.bundle.squared_residuals[track];

@@ -128,3 +128,20 @@ fn motions_about_axes_far_off_the_normal_are_no_answer() {
     let error = answer.expect_err("no camera explains them as turns about the floor's normal");
     assert!(error.is_degenerate(), "{error}");
 }
+
+#[test]
+fn a_focal_length_that_pictures_state_checks_the_answer_and_makes_none_of_it() {
+    let scene = PointScene { matches: 300, sigma_px: 0.2, ..PointScene::nominal(2) };
+    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let with = |stated: Option<f64>| {
+        let options = Options { stated_focal_px: stated.map(|factor| factor * 1000.0), ..Options::default() };
+        calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, &options, &Silent).expect("a camera")
+    };
+    let unsaid = with(None);
+    for (factor, expected) in [(0.94, false), (1.06, false), (0.75, true), (1.4, true)] {
+        let c = with(Some(factor));
+        assert_eq!(c.camera.fx.to_bits(), unsaid.camera.fx.to_bits());
+        let said = verdict(&c).reasons.iter().any(|r| r.code == "focal_length_unexpected");
+        assert_eq!((said, verdict(&c).level == VerdictLevel::Unchecked), (expected, expected), "{factor}");
+    }
+}
