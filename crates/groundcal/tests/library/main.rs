@@ -10,6 +10,7 @@ mod invariance;
 mod lens;
 mod plan;
 mod prior_conflicts;
+mod published;
 mod refinement;
 mod refinement_blocks;
 mod rotating_camera;
