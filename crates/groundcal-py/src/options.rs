@@ -25,7 +25,7 @@ use pyo3::{
 use crate::{failure::Failure, handle::Handle, nearest::no_such};
 
 /// What each keyword has to be.
-const TYPES: [(&str, &str); 34] = [
+const TYPES: [(&str, &str); 36] = [
     ("motion", "a string"),
     ("constraint", "a string"),
     ("method", "a string"),
@@ -60,6 +60,8 @@ const TYPES: [(&str, &str); 34] = [
     ("reach_m", "a number of metres"),
     ("noise_px", "a number of pixels"),
     ("points", "a number"),
+    ("matches", "a whole number from 6"),
+    ("roll_deg", "a number of degrees"),
 ];
 
 /// A value of a dictionary of keywords.

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use crate::common::*;
 use tempfile::tempdir;
 
-const STUDIES: [(&str, usize); 5] = [("noise", 20), ("offset", 24), ("motions", 18), ("angle", 40), ("axis", 20)];
+const STUDIES: [(&str, usize); 5] = [("noise", 40), ("offset", 60), ("motions", 36), ("angle", 80), ("axis", 80)];
 const FURTHER: [&str; 3] = ["radial", "transfer", "subsets"];
 
 /// The lines of a table as column name -> text.
@@ -66,11 +66,11 @@ fn every_study_gives_a_table_and_two_figures() {
 /// Standard deviation of a sample median over that of the mean, for normal values; interquartile range of a unit normal.
 const MEDIAN_OVER_MEAN: f64 = 1.2533;
 const NORMAL_QUARTILES_APART: f64 = 1.3490;
-/// Deviations that none of some 1300 comparisons should reach.
+/// Deviations that none of some 3500 comparisons should reach.
 const NEVER: f64 = 5.0;
 
-/// Compares medians and failures with those of 200 trials of another seed, stored in `tests/reference` (made by `groundcal simulate all
-/// --out crates/groundcal-cli/tests/reference`, figures deleted). Tolerances follow from the number of trials: a median's from its
+/// Compares medians and failures with those of 1000 trials of another seed, stored in `tests/reference` (made by `groundcal simulate all
+/// --trials 1000 --out crates/groundcal-cli/tests/reference`, figures deleted). Tolerances follow from the number of trials: a median's from its
 /// quartiles, a count's from the binomial distribution.
 fn agrees_with_reference(study: &str, path: &Path) {
     const RESULTS: [&str; 18] = [
@@ -136,6 +136,22 @@ fn agrees_with_reference(study: &str, path: &Path) {
 }
 
 #[test]
+fn one_setting_may_be_asked_for() {
+    let folder = tempdir().unwrap();
+    let asked = ["--matches", "30", "--roll-deg", "12.5", "--image-size", "640x480", "--trials", "3"];
+    for study in ["noise", "radial", "transfer", "subsets"] {
+        simulate(study, folder.path(), &asked);
+        for line in table(&folder.path().join(format!("{study}.csv"))) {
+            let setting = ["matches", "roll_deg", "image_width", "image_height"].map(|c| line[c].as_str());
+            assert_eq!(setting, ["30", "12.5", "640", "480"], "{study}");
+        }
+    }
+    simulate("motions", folder.path(), &[&asked[..], &["--noise-px", "0.3"]].concat());
+    let lines = table(&folder.path().join("motions.csv"));
+    assert!(lines.len() == 9 * 9 && lines.iter().all(|line| line["noise_px"] == "0.3"));
+}
+
+#[test]
 fn without_noise_planar_methods_are_exact() {
     let folder = tempdir().unwrap();
     simulate("noise", folder.path(), &["--trials", "3"]);
@@ -168,6 +184,11 @@ fn wrong_usage_is_refused() {
         &["simulate", "noise"],
         &["simulate", "noise", "--trials", "0", "--out", &out],
         &["simulate", "noise", "--out", &at("README.md")],
+        &["simulate", "noise", "--noise-px", "2", "--out", &out],
+        &["simulate", "offset", "--noise-px", "-1", "--out", &out],
+        &["simulate", "offset", "--roll-deg", "91", "--out", &out],
+        &["simulate", "offset", "--matches", "5", "--out", &out],
+        &["simulate", "offset", "--image-size", "640", "--out", &out],
     ] {
         let outcome = groundcal(args);
         assert_eq!(outcome.code, 2, "{args:?}: {}", outcome.stderr);
