@@ -8,6 +8,7 @@ mod methods;
 mod mobile;
 mod pan_head;
 mod paths;
+pub mod real;
 pub mod setup;
 mod subsets;
 mod table;
