@@ -128,12 +128,12 @@ pub(crate) fn run(setup: &Setup) -> Result<ExperimentOutput, LabError> {
     let noise = format!("{fewest} to {most} given matches a motion, {HAND_SIGMA_PX} px of noise");
     let page = format!(
         "{}{table}\n{} draws of {noise}, one elevation: error of the focal length, %\n{}\n\
-         {} draws of {noise}, a pan at each of three elevations, {:?} degrees: error of the focal length, %\n{}",
+         {} draws of {noise}, a pan at elevations of {} degrees: error of the focal length, %\n{}",
         motions(&measured),
         draws.len(),
         summary(one.cases, &draws),
         of_range.len(),
-        ELEVATIONS_DEG,
+        ELEVATIONS_DEG.map(|deg| deg.to_string()).join(", "),
         summary(several.cases, &of_range)
     );
     Ok(setup.output(&page, files))

@@ -1,4 +1,4 @@
-//! Bias and scatter of the one-parameter radial distortion (KZR 2.2) under noise: closed form, minimised with each homography, and
+//! Bias and scatter of the one-parameter radial distortion (KZR 3.2) under noise: closed form, minimised with each homography, and
 //! minimised with all homographies of one lens.
 //!
 //! Scenes are those of [`super::figure4`] with points distorted by the division model, whose λ all methods estimate; the camera follows
