@@ -9,10 +9,16 @@
 
 use crate::{
     calibrate::{
+        copies::count_once,
         lens::{estimated_lens_of_motions, given_lens_of_motions, lens_placed_by_motions, through_own_camera},
         names::Names,
+<<<<<<< HEAD
         options::{HomographyFit, Method, MotionModel, Options},
         order::in_order_of_images,
+=======
+        options::{Method, MotionModel, Options},
+        order::{content_key, in_order_of_images},
+>>>>>>> main
         outcome::assemble,
         plane_normal::solve_plane_normal,
         published::solve_published,
@@ -23,6 +29,7 @@ use crate::{
         turning::{rotations_explain, solve_turning},
     },
     error::Error,
+    ids::ImageId,
     observer::{Observer, Stage},
     pairs::{
         known_lens::{KnownLens, find_lens, find_placement},
@@ -60,9 +67,11 @@ struct Found {
 /// See [`Error`].
 pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
     let stages = StageOptions::new(options, &source.traits);
-    let (pairs, lens) = observe_pairs(source.pairs, &stages, observer)?;
+    let (mut pairs, lens) = observe_pairs(source.pairs, &stages, observer)?;
+    let mut warnings = source.warnings;
+    warnings.extend(copies_counted_once(&mut pairs, source.names, source.images));
     let selection = select_motions(&pairs, &lens, &stages, observer)?;
-    let mut found = Found { pairs, lens, selection, amplification: None, warnings: source.warnings };
+    let mut found = Found { pairs, lens, selection, amplification: None, warnings };
     found = looked_at_again(found, source.images, &stages, observer)?;
     observer.begin(Stage::Camera, 1);
     let solved = match solve(&found, &stages, observer) {
@@ -80,6 +89,14 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
     let calibration = if unordered { in_order_of_images(calibration, &pairs) } else { calibration };
     observer.advance(Stage::Camera);
     Ok(calibration)
+}
+
+/// Of pairs of the same pictures one is left.
+fn copies_counted_once(pairs: &mut [PairObservation], names: &[String], images: Option<&[GrayImage]>) -> Vec<Warning> {
+    let key = |image: ImageId| (images.map_or(0, |all| content_key(&all[image.index()])), image);
+    let name = |image: ImageId| names[image.index()].clone();
+    let of_copy = |[first, copy]: [ImageId; 2]| Warning::DuplicateImages { first: name(first), second: name(copy) };
+    count_once(pairs, key).into_iter().map(of_copy).collect()
 }
 
 fn is_turning(selection: &Selection) -> bool {

@@ -6,6 +6,7 @@
 
 mod attitude;
 mod checks;
+mod copies;
 mod departures;
 mod driver;
 mod evidence;

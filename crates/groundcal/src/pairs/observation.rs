@@ -60,6 +60,8 @@ pub(crate) struct Refusal {
 pub(crate) enum RefusalKind {
     NoPlane,
     Static,
+    /// The same pictures as another pair's.
+    Repeated,
     NoRotation,
     Uncertain,
 }

@@ -67,7 +67,7 @@ pub(crate) fn observe(
     Ok(observed.map(|(i, (pair, outcome))| PairObservation::new(PairId::new(i), pair, outcome).through(lens)).collect())
 }
 
-/// The same pairs looked at afresh under another lens.
+/// The same pairs looked at afresh under another lens; those of pictures that others show already stay set aside.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
@@ -77,7 +77,16 @@ pub(crate) fn observe_anew(
     options: &ObserveOptions,
     observer: &dyn Observer,
 ) -> Result<Vec<PairObservation>, Error> {
-    observe(pairs.into_iter().map(PairObservation::into_pair).collect(), lens, options, observer)
+    let repeated =
+        |pair: &PairObservation| pair.outcome.as_ref().err().filter(|r| r.kind == RefusalKind::Repeated).cloned();
+    let kept: Vec<Option<Refusal>> = pairs.iter().map(repeated).collect();
+    let mut anew = observe(pairs.into_iter().map(PairObservation::into_pair).collect(), lens, options, observer)?;
+    for (pair, refusal) in anew.iter_mut().zip(kept) {
+        if let Some(refusal) = refusal {
+            pair.outcome = Err(refusal);
+        }
+    }
+    Ok(anew)
 }
 
 /// One pair looked at again under another lens: patches stay patches, and a background set aside stays so.

@@ -310,7 +310,7 @@ impl Warning {
                  set aside, and the rest was matched"
             ),
             Warning::DuplicateImages { first, second } => {
-                format!("{first} and {second} are the same image; a pair of them says nothing")
+                format!("{first} and {second} are the same image, which counts once")
             }
             Warning::LargeUncertainty { percent } => {
                 format!(

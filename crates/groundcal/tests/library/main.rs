@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test may end in a panic
 
+mod copies;
 mod degenerate_heads;
 mod exact;
 mod fisheye;
