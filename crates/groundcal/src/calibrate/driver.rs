@@ -12,13 +12,8 @@ use crate::{
         copies::count_once,
         lens::{estimated_lens_of_motions, given_lens_of_motions, lens_placed_by_motions, through_own_camera},
         names::Names,
-<<<<<<< HEAD
         options::{HomographyFit, Method, MotionModel, Options},
-        order::in_order_of_images,
-=======
-        options::{Method, MotionModel, Options},
         order::{content_key, in_order_of_images},
->>>>>>> main
         outcome::assemble,
         plane_normal::solve_plane_normal,
         published::solve_published,
