@@ -210,7 +210,8 @@ fn film(out: &Path) {
         lines.map(|l| l.split_whitespace().next().unwrap().parse().unwrap()).collect()
     };
     let square = section("The path across them");
-    assert!(square[0] > 10.0 && square[1] < 2.0 && square[2] < 0.3, "{page}");
+    // At half size the path across is 50 pixels long: half a pixel of an edge's end is 0.6 degrees.
+    assert!(square[0] > 10.0 && square[1] < 2.0 && square[2] < 0.6, "{page}");
     let arch = section("The semicircular arch");
     assert!(arch[0] > 2.0 && arch[1] < 1.06 && arch[2] < 1.03, "{page}");
     let floor = image::open(out.join("film_floor.png")).unwrap();

@@ -69,9 +69,35 @@ const NORMAL_QUARTILES_APART: f64 = 1.3490;
 /// Deviations that none of some 3500 comparisons should reach.
 const NEVER: f64 = 5.0;
 
-/// Compares medians and failures with those of 1000 trials of another seed, stored in `tests/reference` (made by `groundcal simulate all
-/// --trials 1000 --out crates/groundcal-cli/tests/reference`, figures deleted). Tolerances follow from the number of trials: a median's from its
-/// quartiles, a count's from the binomial distribution.
+/// The probability of five deviations, on both sides.
+const NEVER_P: f64 = 5.7e-7;
+
+/// Fisher's exact test, two-sided: (failures, trials) of two runs with one probability.
+fn probability([old, of_old]: [f64; 2], [new, of_new]: [f64; 2]) -> f64 {
+    let ln_factorial = |n: f64| (1..=n as u64).map(|i| (i as f64).ln()).sum::<f64>();
+    let ln_choose = |n: f64, k: f64| ln_factorial(n) - ln_factorial(k) - ln_factorial(n - k);
+    let failures = old + new;
+    let of = |k: f64| {
+        let possible = k <= of_new && failures - k <= of_old && k <= failures && k >= 0.0;
+        let ln = || ln_choose(of_new, k) + ln_choose(of_old, failures - k) - ln_choose(of_old + of_new, failures);
+        if possible { ln().exp() } else { 0.0 }
+    };
+    let seen = of(new);
+    (0..=of_new as u64).map(|k| of(k as f64)).filter(|p| *p <= seen * (1.0 + 1e-9)).sum()
+}
+
+#[test]
+fn counts_are_compared_by_their_exact_probability() {
+    // One failure among 4 and 3 of 4: 2 (4 · 4) / 70 + 2 / 70.
+    assert!((probability([1.0, 4.0], [3.0, 4.0]) - 34.0 / 70.0).abs() < 1e-12);
+    assert!((probability([10.0, 1000.0], [0.0, 20.0]) - 1.0).abs() < 1e-9);
+    assert!(probability([0.0, 1000.0], [5.0, 20.0]) < NEVER_P);
+    assert!(probability([999.0, 1000.0], [18.0, 20.0]) > 1e-4);
+}
+
+/// Compares medians and failures with those of another seed, stored in `tests/reference` (1000 trials for noise and offset, 200 for the others;
+/// made by `groundcal simulate STUDY --trials N --out crates/groundcal-cli/tests/reference`, figures deleted). Tolerances follow from the number of trials: a median's from its
+/// quartiles, a count's from Fisher's exact test (a normal distribution is none of a failure in a thousand).
 fn agrees_with_reference(study: &str, path: &Path) {
     const RESULTS: [&str; 18] = [
         "trials",
@@ -105,10 +131,8 @@ fn agrees_with_reference(study: &str, path: &Path) {
         let value = |line: &BTreeMap<String, String>, column: &str| -> f64 {
             line[column].parse().unwrap_or_else(|_| panic!("{study} {column}: {line:?}"))
         };
-        let share = |line| value(line, "failures") / value(line, "trials");
-        let pooled = (value(old, "failures") + value(new, "failures")) / (value(old, "trials") + value(new, "trials"));
-        let sigma = (pooled * (1.0 - pooled) * (1.0 / value(old, "trials") + 1.0 / value(new, "trials"))).sqrt();
-        assert!((share(old) - share(new)).abs() <= NEVER * sigma + 1e-9, "{study}: failures {old:?} {new:?}");
+        let counts = |line| [value(line, "failures"), value(line, "trials")];
+        assert!(probability(counts(old), counts(new)) > NEVER_P, "{study}: failures {old:?} {new:?}");
         let [m_old, m_new] = [old, new].map(|l| value(l, "median_percent"));
         if m_old < 1e-7 || !m_old.is_finite() || !m_new.is_finite() {
             // Exact, or no median: the failures have been compared.

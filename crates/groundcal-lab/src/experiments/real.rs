@@ -77,7 +77,7 @@ fn table_name(set: &Set) -> String {
 
 /// Names of the files at most.
 pub fn file_names() -> Vec<String> {
-    SETS.iter().map(|set| table_name(set)).chain([format!("{NAME}.txt")]).collect()
+    SETS.iter().map(table_name).chain([format!("{NAME}.txt")]).collect()
 }
 
 /// Calibrates from each set under `data`.
