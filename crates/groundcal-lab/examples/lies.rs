@@ -10,7 +10,7 @@ use std::{
 
 use groundcal_lab::lies::{
     Family, Kind, Medium, SceneRecord, Timed, compare, csv, export, families, read_json_lines, run, schedule, table,
-    to_json_lines,
+    to_json_lines, warnings_table,
 };
 
 const USAGE: &str = "\
@@ -27,6 +27,7 @@ options:
   --with NEW         compares with this file in place of a run
   --export I         writes scene I of the one family named to --out, to be looked into
   --table FILE       the table of a lies.jsonl in place of a run
+  --warnings GOOD    with --table: how often each warning stands in GOOD (--well-specified) and in FILE, as docs/warnings.md has it
   --list             the families";
 /// A scene that takes longer is named.
 const SLOW_SECONDS: f64 = 30.0;
@@ -41,6 +42,7 @@ struct Arguments {
     with: Option<PathBuf>,
     export: Option<usize>,
     table: Option<PathBuf>,
+    warnings: Option<PathBuf>,
     list: bool,
 }
 
@@ -55,6 +57,7 @@ fn arguments() -> Result<Arguments, String> {
         with: None,
         export: None,
         table: None,
+        warnings: None,
         list: false,
     };
     let (mut controls, mut medium, mut names) = (false, None, None);
@@ -74,6 +77,7 @@ fn arguments() -> Result<Arguments, String> {
             "--compare" => a.compare = Some(value()?.into()),
             "--with" => a.with = Some(value()?.into()),
             "--table" => a.table = Some(value()?.into()),
+            "--warnings" => a.warnings = Some(value()?.into()),
             "--export" => a.export = Some(number(value()?)?),
             "--list" => a.list = true,
             _ => return Err(format!("unknown option {option}\n{USAGE}")),
@@ -139,6 +143,11 @@ fn work() -> Result<(), Box<dyn std::error::Error>> {
             return Err("--export needs --out and one --family".into());
         };
         return export(family, a.seed, index, folder);
+    }
+    if let Some(good) = &a.warnings {
+        let others = a.table.as_ref().ok_or("--warnings needs --table")?;
+        print!("{}", warnings_table(&read(good)?, &read(others)?));
+        return Ok(());
     }
     if let Some(file) = &a.table {
         print!("{}", table(&read(file)?));

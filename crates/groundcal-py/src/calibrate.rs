@@ -215,6 +215,7 @@ pub(crate) fn calibrate_files<'py>(
             let found = mask.as_ref().map(|mask| mask.files(&files)).transpose()?.flatten();
             let read = read_images_until(&files, watch)?;
             let mut notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
+            asked.options.stated_focal_px = read.stated_focal_px;
             if let Some(image) = read.images.first() {
                 notes.extend(asked.take_lens(image.size())?);
             }

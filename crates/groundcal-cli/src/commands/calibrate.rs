@@ -332,6 +332,7 @@ fn from_inputs(
             }
             let read = read_images(&files)?;
             let mut notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
+            options.stated_focal_px = read.stated_focal_px;
             let mut images = read.images;
             if let Some(masks) = masks {
                 images = masks.put_on(images, &files)?;

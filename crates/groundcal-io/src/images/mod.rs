@@ -2,11 +2,12 @@
 //!
 //! `decode` turns a file into samples as stored (`stored`), through `tiff`, `jpeg` (with `jpeg_scan`) and `convert` where the `image`
 //! crate does not do; `range` says which values are black and white; `grey` makes one number of each pixel. `array`: pictures that are in memory already. `masks` says what of
-//! them is used.
+//! them is used; `focal_length` reads what photographs say they were taken with.
 
 mod array;
 mod convert;
 mod decode;
+mod focal_length;
 mod grey;
 mod jpeg;
 mod jpeg_scan;

@@ -14,6 +14,7 @@ use crate::{
     images::{
         array::{ArrayImage, Pixels},
         decode::ImageFiles,
+        focal_length::stated_focal_length_px,
         grey,
         range::{self, Kind, Ranges, Values},
         stored::StoredImage,
@@ -28,6 +29,8 @@ pub struct Images {
     pub images: Vec<GrayImage>,
     /// In the order of the files, what is about all of them last.
     pub notes: Vec<Note>,
+    /// The focal length that all files state in their Exif, pixels; `None` where they state none, or not the same, or were cropped since.
+    pub stated_focal_px: Option<f64>,
 }
 
 /// All images as grey values, in parallel, their values in one range; the first failure in the order of the list is the one reported.
@@ -69,7 +72,7 @@ pub fn read_stored(path: &Path) -> Result<StoredImage, IoError> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn read_image(path: &Path) -> Result<(GrayImage, Vec<Note>), IoError> {
-    let Images { mut images, notes } = read_images(&[path.to_path_buf()])?;
+    let Images { mut images, notes, .. } = read_images(&[path.to_path_buf()])?;
     let image = images.pop().ok_or_else(|| IoError::file(path, "no image"))?;
     Ok((image, notes))
 }
@@ -107,7 +110,10 @@ pub(crate) fn read_with(reader: &ImageFiles, files: &[PathBuf], observer: &dyn O
         reader.read(file).and_then(|image| loaded(file, image))
     };
     let all: Vec<Result<Loaded, IoError>> = files.par_iter().map(one).collect();
-    Ok(in_one_range(all.into_iter().collect::<Result<_, _>>()?))
+    let images = in_one_range(all.into_iter().collect::<Result<_, _>>()?);
+    let size = images.images.first().map(GrayImage::size);
+    let stated_focal_px = size.and_then(|size| stated_focal_length_px(files, size));
+    Ok(Images { stated_focal_px, ..images })
 }
 
 fn in_one_range(mut all: Vec<Loaded>) -> Images {
@@ -119,7 +125,7 @@ fn in_one_range(mut all: Vec<Loaded>) -> Images {
     let ranges = ranges.found();
     all.par_iter_mut().for_each(|l| grey::in_range(l.grey.data_mut(), l.kind, &ranges));
     notes.extend(ranges.notes());
-    Images { images: all.into_iter().map(|l| l.grey).collect(), notes }
+    Images { images: all.into_iter().map(|l| l.grey).collect(), notes, stated_focal_px: None }
 }
 
 /// Pictures in memory, collected one by one, as [`read_images`] would give them had they come from files.

@@ -32,4 +32,4 @@ pub use family::Family;
 pub use kind::{Kind, Medium};
 pub use record::{LIE_SIGMAS, SceneRecord, Verdict, csv, read_json_lines, to_json_lines};
 pub use run::{Timed, export, run, schedule};
-pub use table::{Totals, table, totals};
+pub use table::{Totals, table, totals, warnings_table};

@@ -1,6 +1,6 @@
 //! The table of a run: a line a family, the totals, what was warned of right and wrong answers.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use groundcal::numerics::statistics::median;
 
@@ -60,7 +60,7 @@ fn middle(values: impl Iterator<Item = f64>) -> Option<f64> {
 fn warning_counts<'a>(records: impl Iterator<Item = &'a SceneRecord>) -> BTreeMap<&'a str, usize> {
     let mut counts = BTreeMap::new();
     for r in records {
-        let codes: std::collections::BTreeSet<&str> = r.warnings.iter().map(String::as_str).collect();
+        let codes: BTreeSet<&str> = r.warnings.iter().map(String::as_str).collect();
         for code in codes {
             *counts.entry(code).or_insert(0) += 1;
         }
@@ -140,7 +140,7 @@ fn summary(records: &[SceneRecord]) -> String {
         warning_counts(records.iter().filter(move |r| r.is_answer() && (low..high).contains(&r.worst_sigmas())))
     };
     let bands = [of(-1.0, WRONG_SIGMAS), of(WRONG_SIGMAS, LIE_SIGMAS), of(LIE_SIGMAS, f64::INFINITY)];
-    let codes: std::collections::BTreeSet<&str> = bands.iter().flat_map(|b| b.keys().copied()).collect();
+    let codes: BTreeSet<&str> = bands.iter().flat_map(|b| b.keys().copied()).collect();
     for code in codes {
         let [right, near, lies] = bands.each_ref().map(|b| b.get(code).copied().unwrap_or(0));
         out += &format!("{code:<34} {right:>14} {near:>11} {lies:>6}\n");
@@ -167,6 +167,35 @@ fn summary(records: &[SceneRecord]) -> String {
         ("design effect above 2.6", &patterned),
     ] {
         out += &format!("{what:<34} {:>14} {:>18}\n", among(false, which), among(true, which));
+    }
+    out
+}
+
+/// How often each warning, and each reason of a verdict, stands on an answer, as a table in Markdown: of well-specified scenes, of
+/// right answers to the others, and of wrong ones (beyond three deviations). Those that tell wrong from right best come first.
+pub fn warnings_table(well_specified: &[SceneRecord], others: &[SceneRecord]) -> String {
+    let answers = |records: &'_ [SceneRecord], wrong: bool| {
+        let of = |r: &&SceneRecord| r.is_answer() && (r.worst_sigmas() > WRONG_SIGMAS) == wrong;
+        let codes = |r: &SceneRecord| r.warnings.iter().chain(&r.reasons).cloned().collect::<BTreeSet<String>>();
+        records.iter().filter(of).map(codes).collect::<Vec<_>>()
+    };
+    let mut good = answers(well_specified, false);
+    good.extend(answers(well_specified, true));
+    let columns = [good, answers(others, false), answers(others, true)];
+    let percent = |column: &[BTreeSet<String>], code: &str| {
+        100.0 * column.iter().filter(|codes| codes.contains(code)).count() as f64 / column.len().max(1) as f64
+    };
+    let all: BTreeSet<&String> = columns.iter().flatten().flatten().collect();
+    let mut rows: Vec<(&str, [f64; 3])> =
+        all.iter().map(|code| (code.as_str(), columns.each_ref().map(|c| percent(c, code)))).collect();
+    let tells = |[_, right, wrong]: &[f64; 3]| wrong / right.max(0.01);
+    rows.sort_by(|a, b| tells(&b.1).total_cmp(&tells(&a.1)));
+    let [good, right, wrong] = columns.each_ref().map(Vec::len);
+    let mut out = format!(
+        "| Code | of {good} answers to well-specified scenes | of {right} right answers to others | of {wrong} wrong ones |\n|---|---|---|---|\n"
+    );
+    for (code, [good, right, wrong]) in rows {
+        out += &format!("| `{code}` | {good:.1} % | {right:.1} % | {wrong:.1} % |\n");
     }
     out
 }

@@ -34,7 +34,7 @@ use crate::{
         placed_lens::PlacedLens,
     },
     remedy::Remedy,
-    result::{Calibration, Warning},
+    result::{Calibration, Warning, judge::one_account_at_most},
     select::{
         plane_normal::select_plane_normal,
         rotations::{find_turning, select_rotations},
@@ -83,6 +83,7 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
     let unordered = source.images.is_some() && options.pairs.is_none();
     let calibration = if unordered { in_order_of_images(calibration, &pairs) } else { calibration };
     observer.advance(Stage::Camera);
+    one_account_at_most(&calibration)?;
     Ok(calibration)
 }
 

@@ -55,6 +55,8 @@ pub(super) struct Refined {
     pub(super) conflicts: Vec<PriorConflict>,
     /// Departures of the pictures that are estimated, with twice the logarithm of the odds for each.
     pub(super) departures: Vec<(DepartureKind, f64)>,
+    /// Twice the logarithm of the odds for a fisheye's lens, where that was found.
+    pub(super) fisheye: Option<f64>,
 }
 
 /// Deviation of attitudes, radians, from which on it is asked what else may have made them stray: a camera that stands still strays by a
@@ -128,7 +130,7 @@ impl<'a> Matter<'a> {
 
     pub(super) fn refined(&self, mut joint: Joint, solution: CameraSolution, options: RefinementOptions) -> Refined {
         joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
-        Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new() }
+        Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new(), fisheye: None }
     }
 
     /// The same as an alternative that is tried: `None` where it comes to nothing.
@@ -181,6 +183,7 @@ impl<'a> Matter<'a> {
         (again.joint.cross_links, again.joint.floors) = (before.cross_links.clone(), before.floors);
         again.conflicts.clone_from(&refined.conflicts);
         again.departures.clone_from(&refined.departures);
+        again.fisheye = refined.fisheye;
         Ok(again)
     }
 }

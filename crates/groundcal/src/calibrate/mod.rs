@@ -10,6 +10,7 @@ mod copies;
 mod departures;
 mod driver;
 mod evidence;
+mod fisheye;
 mod joint;
 mod lens;
 mod lens_result;

@@ -73,6 +73,8 @@ pub struct Options {
     pub principal_point_px: Option<[f64; 2]>,
     /// fy / fx where it is held, centre of its prior otherwise (default: 1).
     pub aspect: Option<f64>,
+    /// fx in pixels that the pictures themselves state (their Exif). The answer is checked by it and made from it in no way.
+    pub stated_focal_px: Option<f64>,
     /// A known lens, of any model: its coefficients are held and undone before anything else; the camera matrix through which they
     /// act is estimated. [`Lens::None`]: not known.
     pub distortion: Lens,
@@ -136,6 +138,7 @@ impl Default for Options {
             robust: RobustOptions::default(),
             match_patches: true,
             patches: PatchOptions::default(),
+            stated_focal_px: None,
             seed: 0,
         }
     }

@@ -55,6 +55,7 @@ pub(super) fn solve_plane_normal(
             Ok(Some(sound)) => {
                 let refined = sound.refined;
                 warnings.extend(departures_found(&refined));
+                warnings.extend(refined.fisheye.map(|twice_log_odds| Warning::FisheyeLens { twice_log_odds }));
                 warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
                 (solution, refinement) = (refined.solution, refined.options);
                 joint = Some(refined.joint);

@@ -10,6 +10,7 @@
 
 use crate::{
     calibrate::departures::with_departure,
+    calibrate::fisheye::with_fisheye,
     calibrate::matter::{Matter, Refined, RefinementOptions},
     calibrate::strays::with_stray_frame,
     error::Error,
@@ -50,6 +51,7 @@ const RELEASES: [&[usize]; 5] = [&[1], &[4], &[2, 3], &[5, 6], &[7, 8]];
 /// Places of a camera's block in the order of [`PriorParameter::ALL`].
 const ASPECT: usize = 1;
 const SKEW: usize = 4;
+const DECENTRING: usize = 7;
 
 /// Releases the priors that the tracks refined on contradict.
 ///
@@ -68,9 +70,14 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
             }
         };
         for numbers in RELEASES {
+            // A fisheye has no decentring.
+            if numbers[0] >= DECENTRING && refined.fisheye.is_some() {
+                continue;
+            }
             offer(without_prior(matter, &refined, numbers)?);
         }
         let needed = 2.0 * RELEASE_ODDS.ln();
+        offer(with_fisheye(matter, &refined, needed)?);
         offer(with_stray_frame(matter, &refined, needed)?);
         for kind in DepartureKind::ALL {
             offer(with_departure(matter, &refined, kind, needed)?);
@@ -103,7 +110,9 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
     let mut starts: Vec<State> = vec![refined.joint.bundle.state.clone()];
     let closed_form = solve_camera_until(&matter.motions, &options.frame, &options.camera, matter.observer).ok();
     matter.observer.go_on()?;
-    starts.extend(closed_form.as_ref().and_then(|solution| matter.start(solution, 1.0)));
+    // The closed form knows the lens of Brown and Conrady alone.
+    let usual_lens = closed_form.as_ref().filter(|_| refined.fisheye.is_none());
+    starts.extend(usual_lens.and_then(|solution| matter.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());
     let Some(mut without) = matter.tried(refined, solution, options, starts)? else { return Ok(None) };
     let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };

@@ -9,7 +9,7 @@ use crate::{
     error::Error,
     geometry::{intrinsics::Intrinsics, size::ImageSize},
     ids::{PairId, ViewId},
-    numerics::statistics::median,
+    numerics::statistics::{chi_squared_survival, median},
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{SceneModel, blocks::MATRIX},
@@ -25,6 +25,8 @@ const MAX_VARIANCE: f64 = 25.0;
 /// axes before things that are not far away. (Of scenes with the lens on the axes or all things far, 3 of 60 are beyond, by a lens of higher
 /// order; of those with the lens off by 3 mm to 20 cm, 58 of 80, nearly all of them wrong by more than 4 deviations.)
 const MAX_DIRECTIONS_DESIGN_EFFECT: f64 = 2.6;
+/// Probability below which attitudes that stray are not put down to chance.
+const DISAGREEMENT: f64 = 1e-3;
 /// Widest field of view, degrees across the width, that a flat image can have.
 const MAX_FIELD_OF_VIEW_DEG: f64 = 170.0;
 /// Motions that are dropped one after the other, at most, and as a fraction of all.
@@ -74,6 +76,8 @@ pub(super) fn refine_until_sound(
                 Attempt::Sound(refined) => {
                     return Ok(Some(Sound { refined, selection: (dropped > 0).then_some(left) }));
                 }
+                // No start and no one motion is to blame where all of them stray.
+                Attempt::Failed(error, Some(refined)) if strays_too_far(&refined.joint) => return Err(error),
                 Attempt::Failed(error, refined) => {
                     first_error.get_or_insert(error);
                     worst = refined.as_ref().map(|r| worst_motion(&r.joint, pairs, &left.used())).or(worst);
@@ -110,6 +114,12 @@ fn unsound(reason: String) -> Error {
     Error::Unsound { reason, remedies: vec![Remedy::NamePairs, Remedy::ClearMotions, Remedy::GiveLensCoefficients] }
 }
 
+/// Whether the attitudes stray by more than those of a camera that turns about the floor's normal do, whatever it is carried by.
+fn strays_too_far(joint: &Joint) -> bool {
+    let (chi_squared, directions) = joint.bundle.agreement_at_most;
+    joint.bundle.attitude_sigma.estimated && chi_squared_survival(chi_squared, directions) < DISAGREEMENT
+}
+
 /// Refuses a refinement that has not converged, whose residuals are no noise, or whose camera is none.
 ///
 /// # Errors
@@ -120,6 +130,12 @@ pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Erro
         return Err(unsound(format!(
             "the joint refinement had not converged after {} steps (fx {:.0} px)",
             bundle.iterations, joint.intrinsics.fx
+        )));
+    }
+    if strays_too_far(joint) {
+        return Err(unsound(format!(
+            "no camera explains the motions as turns about the floor's normal: from one to the next its attitude would stray by {:.1} degrees",
+            bundle.attitude_sigma.sigma.to_degrees()
         )));
     }
     // A camera that turns on the spot shows the error of a lens that the user holds in every pair alike: no motion is to blame, and

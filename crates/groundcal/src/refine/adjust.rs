@@ -239,7 +239,9 @@ impl<'a> Rounds<'a> {
             added.iter().for_each(|(places, value)| covariance[*places] += value);
         }
         let variance_factors = std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k]));
-        let residuals = std::array::from_fn(|k| (weighing.of_kinds[k], variance_factors[k]));
+        let settled = weighing.settled(problem, &squared_residuals, self.effects);
+        let of_evidence = |k: usize| settled[k] / (problem.weights[k] * self.effects[k]);
+        let residuals = std::array::from_fn(|k| (weighing.of_kinds[k], of_evidence(k)));
         let at = (&out.state, &out.linearised);
         let evidence = Evidence::new(problem, at, &factor, components, residuals, self.effects);
         let observations_of =
@@ -265,6 +267,7 @@ impl<'a> Rounds<'a> {
             observations_of: std::array::from_fn(observations_of),
             degrees_of_freedom: dof,
             agreement: components.agreement,
+            agreement_at_most: components.agreement_at_most,
             evidence,
             widened,
             cost: out.cost,

@@ -172,6 +172,8 @@ pub struct Bundle {
     pub degrees_of_freedom: f64,
     /// How well the frames' attitudes agree with σ_a: chi-squared of their deviations and its degrees of freedom.
     pub agreement: (f64, usize),
+    /// The same under the largest σ_a with which motions are about the plane's normal.
+    pub agreement_at_most: (f64, usize),
     /// How well the model explains the tracks; `None` where that cannot be told.
     pub evidence: Option<Evidence>,
     /// By how much the covariances are wider than the inverse information.

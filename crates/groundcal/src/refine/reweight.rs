@@ -17,6 +17,9 @@ const DESIGN_EFFECT_P: f64 = 0.01;
 /// Relative error of the variance of the residuals at which the weights rest, and the same of what neighbours have in common.
 const VARIANCE_RESTS: f64 = 0.005;
 const EFFECT_RESTS: f64 = 0.05;
+/// Most rounds in which the weights of the loss follow the variance for given residuals, and the relative change at which it rests.
+const SETTLING_ROUNDS: usize = 100;
+const SETTLED: f64 = 1e-9;
 
 /// A kind of measurement and two images (frame and camera) that share points.
 type PairOfKind = (usize, [(usize, usize); 2]);
@@ -62,6 +65,36 @@ impl Weighing {
             degrees_of_freedom,
             of_kinds: redundancies.map(|r| r * degrees_of_freedom / total),
         }
+    }
+
+    /// The variance of single residuals of each kind, in the units of [`Self::white`], at which the weights of the loss would rest, the residuals
+    /// being as they are. The rounds stop before: half a per cent of ten thousand residuals is 50 of twice a logarithm of evidence.
+    pub(crate) fn settled(
+        &self,
+        problem: &Problem,
+        squared_residuals: &[Vec<f64>],
+        effects_in_force: [f64; KINDS],
+    ) -> [f64; KINDS] {
+        let sums = |variances: [f64; KINDS]| {
+            problem.weighted_sums(squared_residuals, |k, limit, r| {
+                let r = r * effects_in_force[k] / variances[k];
+                if r > limit { (limit / r).sqrt() } else { 1.0 }
+            })
+        };
+        let in_force = problem.weighted_sums_in_force(squared_residuals);
+        let mut variances = self.white;
+        for _ in 0..SETTLING_ROUNDS {
+            let now = sums(variances);
+            // The degrees of freedom are those that led from the sums in force to the variances in force.
+            let next =
+                std::array::from_fn(|k| if in_force[k] > 0.0 { self.white[k] * now[k] / in_force[k] } else { 1.0 });
+            let moved = (0..KINDS).map(|k| (next[k] / variances[k] - 1.0).abs()).fold(0.0, f64::max);
+            variances = next;
+            if moved < SETTLED {
+                break;
+            }
+        }
+        variances
     }
 
     /// Whether the weights in force need no change.
@@ -111,7 +144,7 @@ impl Problem {
         if dof < 1.0 {
             return ([1.0; KINDS], dof.max(0.0));
         }
-        let sums = self.weighted_sums(squared_residuals);
+        let sums = self.weighted_sums_in_force(squared_residuals);
         // The columns cost each kind in proportion.
         let of_kind = |k: usize| if redundancies[k] > 0.0 { sums[k] / (redundancies[k] * dof / total) } else { 1.0 };
         (std::array::from_fn(of_kind), dof)
@@ -172,9 +205,9 @@ impl Problem {
     ///
     /// `scales` multiplies the residuals of each kind beforehand.
     fn reweight(&mut self, squared_residuals: &[Vec<f64>], scales: [f64; KINDS]) {
+        let huber = self.huber;
         for ((seen, residuals), &kind) in self.seen.iter_mut().zip(squared_residuals).zip(&self.kinds) {
-            // The point follows the observations: a residual is smaller than the error by this much.
-            let limit = self.huber * self.huber * (seen.len() as f64 - 1.0) / seen.len() as f64;
+            let limit = huber_limit(huber, seen.len());
             for (s, r) in seen.iter_mut().zip(residuals) {
                 let r = r * scales[kind];
                 s.robust = if r > limit { (limit / r).sqrt() } else { 1.0 };
@@ -183,11 +216,27 @@ impl Problem {
     }
 
     /// Sums of the squared residuals of each kind with the weights in force.
-    fn weighted_sums(&self, squared_residuals: &[Vec<f64>]) -> [f64; KINDS] {
+    fn weighted_sums_in_force(&self, squared_residuals: &[Vec<f64>]) -> [f64; KINDS] {
         let mut sums = [0.0; KINDS];
         for ((seen, residuals), &kind) in self.seen.iter().zip(squared_residuals).zip(&self.kinds) {
             sums[kind] += seen.iter().zip(residuals).map(|(s, r)| s.robust * r).sum::<f64>();
         }
         sums
     }
+
+    /// The same with the weights that are said of a kind, Huber's limit there, and a squared residual.
+    fn weighted_sums(&self, squared_residuals: &[Vec<f64>], weight: impl Fn(usize, f64, f64) -> f64) -> [f64; KINDS] {
+        let mut sums = [0.0; KINDS];
+        for ((seen, residuals), &kind) in self.seen.iter().zip(squared_residuals).zip(&self.kinds) {
+            let limit = huber_limit(self.huber, seen.len());
+            sums[kind] += residuals.iter().map(|&r| weight(kind, limit, r) * r).sum::<f64>();
+        }
+        sums
+    }
+}
+
+/// Squared residual, in units of its variance, from which on Huber's loss grows slower: the point follows its observations, so that a
+/// residual is smaller than the error.
+fn huber_limit(huber: f64, observations: usize) -> f64 {
+    huber * huber * (observations as f64 - 1.0) / observations as f64
 }

@@ -114,6 +114,18 @@ pub enum Warning {
         /// Twice the logarithm of the odds of the images with it over those without.
         twice_log_odds: f64,
     },
+    /// The lens is a fisheye's, not the one of Brown and Conrady that was assumed.
+    FisheyeLens {
+        /// Twice the logarithm of the odds of the images with it over those with the other.
+        twice_log_odds: f64,
+    },
+    /// The focal length is not the one that the pictures state (Exif).
+    FocalLengthUnexpected {
+        /// fx that they state, pixels.
+        stated_px: f64,
+        /// By how much fx is larger than that, per cent.
+        percent: f64,
+    },
     /// A camera that turned on the spot shows parallax: its lens was off the axis of turning, before things that are not far away.
     LensOffAxis {
         /// How far off, in per cent of the distance of the things seen, were that alike for all.
@@ -219,6 +231,8 @@ impl Warning {
             Warning::PriorDecides { .. } => "prior_decides",
             Warning::PriorContradicted(_) => "prior_contradicted",
             Warning::PicturesDepart { .. } => "pictures_depart",
+            Warning::FisheyeLens { .. } => "fisheye_lens",
+            Warning::FocalLengthUnexpected { .. } => "focal_length_unexpected",
             Warning::LensOffAxis { .. } => "lens_off_axis",
             Warning::StaticBackground { .. } => "static_background",
             Warning::StillInAllImages { .. } => "still_in_all_images",
@@ -296,6 +310,15 @@ impl Warning {
                 100.0 * posterior_over_prior
             ),
             Warning::PicturesDepart { departure, sigma, .. } => departing(*departure, *sigma),
+            Warning::FisheyeLens { .. } => "the lens is a fisheye's (equidistant, Kannala and Brandt): the images are a thousand times likelier with it \
+                 than with the lens of Brown and Conrady, and its k1, k2 and k3 were estimated (as `cv2.fisheye` has them)"
+                .to_string(),
+            Warning::FocalLengthUnexpected { stated_px, percent } => format!(
+                "the pictures state a focal length (Exif) of {stated_px:.0} px; the one found is {:.0} % {}: one of the two is wrong, or the pictures \
+                 were cropped",
+                percent.abs(),
+                if *percent > 0.0 { "longer" } else { "shorter" }
+            ),
             Warning::LensOffAxis { percent_of_distance, fx_percent } => format!(
                 "the images are those of a camera turning on the spot, but show parallax: the lens was off the axis of turning, by about \
                  {percent_of_distance:.2} % of the distance of what it saw. fx may be wrong by {fx_percent:.2} % for it, which is in its error bar"
@@ -356,6 +379,9 @@ impl Warning {
             Warning::PriorDecides { .. } => vec![Remedy::VaryTiltAndRoll, Remedy::GiveValue],
             Warning::PriorContradicted(_) => vec![Remedy::GiveValue, Remedy::CheckImages],
             Warning::PicturesDepart { .. } => vec![Remedy::CheckImages],
+            Warning::FocalLengthUnexpected { .. } => vec![Remedy::CheckImages, Remedy::NamePairs],
+            // It was done already.
+            Warning::FisheyeLens { .. } => Vec::new(),
             Warning::LensOffAxis { .. } => vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor],
             Warning::StaticBackground { .. } => vec![Remedy::MaskBackground],
             Warning::StillInAllImages { .. } => vec![Remedy::MaskBackground],
@@ -510,6 +536,8 @@ mod tests {
                 found_sigma: 0.004,
                 twice_log_odds: 200.0,
             }),
+            Warning::FisheyeLens { twice_log_odds: 90.0 },
+            Warning::FocalLengthUnexpected { stated_px: 900.0, percent: -20.0 },
             Warning::PicturesDepart { departure: PictureDeparture::RowTurn, sigma: 0.4, twice_log_odds: 90.0 },
             Warning::LensOffAxis { percent_of_distance: 0.7, fx_percent: 1.2 },
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },

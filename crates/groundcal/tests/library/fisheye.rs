@@ -1,4 +1,4 @@
-//! A lens that is given, of a model that sees to both sides and behind: pixels pass through rays.
+//! A lens of a model that sees to both sides and behind: given, its pixels pass through rays; not given, it is found.
 
 use groundcal::{
     calibrate::{Method, Options, calibrate_matches},
@@ -12,8 +12,8 @@ use groundcal::{
     },
     observer::Silent,
     pairs::correspondence::ImagePair,
-    result::{Calibration, LensSource, Parameter},
-    synthetic::points::PointScene,
+    result::{Calibration, LensSource, Parameter, Warning},
+    synthetic::points::{MotionSpec, PointScene},
 };
 
 const SIZE: ImageSize = ImageSize { width: 1000, height: 1000 };
@@ -106,4 +106,62 @@ fn a_lens_of_a_wide_model_needs_the_camera_through_which_it_acts() {
     let names: Vec<String> = (0..6).map(|i| i.to_string()).collect();
     let error = calibrate_matches(&names, SIZE, &pairs(&scene), &options, &Silent).expect_err("no camera matrix");
     assert!(matches!(&error, Error::InvalidOption(text) if text.contains("fisheye")), "{error}");
+}
+
+/// Motions before a lens of 100 to 130 degrees, whose camera and lens nobody knows.
+fn blind(lens: Lens, focal_px: f64, seed: u64) -> (PointScene, Calibration) {
+    let attitudes: [[f64; 3]; 5] =
+        [[48.0, 4.0, 24.0], [40.0, 32.0, -28.0], [55.0, -24.0, 32.0], [45.0, 50.0, -22.0], [58.0, -48.0, 26.0]];
+    let motion = |[pitch, roll, turn]: &[f64; 3]| {
+        MotionSpec::about_axis(pitch.to_radians(), roll.to_radians(), turn.to_radians(), 0.3, 1.4)
+    };
+    let scene = PointScene {
+        intrinsics: Intrinsics::square(focal_px, 651.0, 467.0),
+        lens,
+        motions: attitudes.iter().map(motion).collect(),
+        matches: 250,
+        sigma_px: 0.2,
+        reach: 8.0,
+        ..PointScene::nominal(seed)
+    };
+    let names: Vec<String> = (0..2 * attitudes.len()).map(|i| i.to_string()).collect();
+    let c = calibrate_matches(&names, scene.size, &pairs(&scene), &Options::default(), &Silent)
+        .unwrap_or_else(|error| panic!("{lens:?}: {error}"));
+    (scene, c)
+}
+
+fn is_said(c: &Calibration) -> bool {
+    c.warnings.iter().any(|w| matches!(w, Warning::FisheyeLens { .. }))
+}
+
+#[test]
+fn a_fisheye_that_nobody_named_is_found() {
+    // Equidistant, stereographic and equisolid lenses.
+    for (seed, coefficients) in
+        [[0.0; 4], [1.0 / 12.0, 1.0 / 120.0, 17.0 / 20160.0, 0.0], [-1.0 / 24.0, 1.0 / 1920.0, 0.0, 0.0]]
+            .into_iter()
+            .enumerate()
+    {
+        let (scene, c) = blind(Lens::Fisheye(Fisheye::new(coefficients)), 600.0, seed as u64);
+        assert!(is_said(&c) && c.camera.distortion.source == LensSource::Estimated, "{:?}", c.warnings);
+        let Lens::Fisheye(found) = c.camera.lens() else { panic!("{:?}", c.camera.distortion) };
+        let off = (c.camera.fx / scene.intrinsics.fx - 1.0).abs();
+        let sigma = c.standard_deviation(Parameter::Fx).expect("estimated");
+        println!("{coefficients:?}: fx {:.3} +- {sigma:.3}, {:?}", c.camera.fx, found.parameters());
+        assert!(off < 0.003 && (c.camera.fx - scene.intrinsics.fx).abs() < 4.0 * sigma, "{off}");
+        for (i, p) in [Parameter::K1, Parameter::K2].into_iter().enumerate() {
+            let sigma = c.standard_deviation(p).expect("estimated");
+            assert!((found.parameters()[i] - coefficients[i]).abs() < 4.0 * sigma, "{p:?} {:?}", found.parameters());
+        }
+    }
+}
+
+#[test]
+fn a_lens_of_brown_and_conrady_stays_one() {
+    for (seed, k1) in [0.0, -0.1, -0.2, -0.3].into_iter().enumerate() {
+        let (scene, c) = blind(Lens::radial(k1, 0.1 * k1.abs()), 900.0, seed as u64);
+        assert!(!is_said(&c) && matches!(c.camera.lens(), Lens::Radtan(_)), "{k1}: {:?}", c.warnings);
+        let sigma = c.standard_deviation(Parameter::Fx).expect("estimated");
+        assert!((c.camera.fx - scene.intrinsics.fx).abs() < 4.0 * sigma);
+    }
 }

@@ -111,3 +111,20 @@ fn parallax_of_a_lens_off_the_axis_is_named_and_nothing_is_where_there_is_none()
     let near = (0..8).filter(|&seed| named(0.01, seed)).count();
     assert_eq!(near, 8);
 }
+
+#[test]
+fn motions_about_axes_far_off_the_normal_are_no_answer() {
+    let mut rng = Pcg64Mcg::seed_from_u64(3);
+    let mut off = || rng.random_range(-0.3..0.3);
+    let motion = |i: usize, off: [f64; 2]| MotionSpec {
+        attitude_error_rad: off,
+        ..MotionSpec::about_axis(0.6 + 0.07 * i as f64, -0.5 + 0.2 * i as f64, 0.4, 0.3, 1.0)
+    };
+    let motions: Vec<MotionSpec> = (0..6).map(|i| motion(i, [off(), off()])).collect();
+    let scene = PointScene { motions, matches: 300, sigma_px: 0.2, ..PointScene::nominal(1) };
+    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let options = Options { pairs: Some((0..6).map(|i| (2 * i, 2 * i + 1)).collect()), ..Options::default() };
+    let answer = calibrate_matches(&names(12), scene.size, &pairs, &options, &Silent);
+    let error = answer.expect_err("no camera explains them as turns about the floor's normal");
+    assert!(error.is_degenerate(), "{error}");
+}
