@@ -194,7 +194,7 @@ fn calibrate(path: &Path) -> Result<String, String> {
     let choice = bytes(path)?.iter().fold(7u64, |h, b| h.wrapping_mul(0x100_0000_01b3) ^ u64::from(*b)) >> 7;
     let options = Options {
         constraint: Constraint::ALL[choice as usize % Constraint::ALL.len()],
-        method: [Method::Joint, Method::Joint, Method::Linear, Method::Rotating][choice as usize / 6 % 4],
+        method: [Method::Joint, Method::Kzr, Method::Linear, Method::Rotating][choice as usize / 6 % 4],
         lens: [LensModel::K1K2, LensModel::K1, LensModel::None][choice as usize / 24 % 3],
         pairs: (choice / 72 % 4 == 0).then(|| found.pairs.iter().map(|p| (p.from, p.to)).collect()),
         attitude_sigma_deg: (choice / 288 % 4 == 0).then_some(0.0),

@@ -4,7 +4,7 @@
 //! u = x / (1 + λ |x|²)           x measured, u ideal; frame coordinates, the centre of distortion being their origin
 //! ```
 //!
-//! Two ways (KZR 2.2):
+//! Two ways (KZR 3.2):
 //!
 //! * [`division_closed_form`]: with ũ(λ) = (x, y, 1 + λ |x|²) the equations ũ_b × H ũ_a = 0 are quadratic in λ,
 //!   (D₁ + λ D₂ + λ² D₃) h = 0. Multiplied by D₁ᵀ they are a quadratic eigenvalue problem of 9 x 9 matrices (Fitzgibbon, *Simultaneous

@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use groundcal::{
-    calibrate::{LensModel, Method, MotionModel, Options},
+    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options},
     geometry::{camera::Camera, constraint::Constraint, lens::Lens, size::ImageSize},
     result::PriorParameter,
     start::linear_camera::GivenPrior,
@@ -25,10 +25,11 @@ use pyo3::{
 use crate::{failure::Failure, handle::Handle, nearest::no_such};
 
 /// What each keyword has to be.
-const TYPES: [(&str, &str); 33] = [
+const TYPES: [(&str, &str); 36] = [
     ("motion", "a string"),
     ("constraint", "a string"),
     ("method", "a string"),
+    ("homographies", "a string"),
     ("lens", "a string"),
     ("principal_point_px", "a pair of numbers (x, y) in pixels"),
     ("aspect", "a number"),
@@ -59,6 +60,8 @@ const TYPES: [(&str, &str); 33] = [
     ("reach_m", "a number of metres"),
     ("noise_px", "a number of pixels"),
     ("points", "a number"),
+    ("matches", "a whole number from 6"),
+    ("roll_deg", "a number of degrees"),
 ];
 
 /// A value of a dictionary of keywords.
@@ -104,8 +107,10 @@ const MOTIONS: [(&str, MotionModel); 4] = [
     ("turning", MotionModel::Turning),
     ("general", MotionModel::General),
 ];
-const METHODS: [(&str, Method); 3] =
-    [("joint", Method::Joint), ("linear", Method::Linear), ("rotating", Method::Rotating)];
+const METHODS: [(&str, Method); 4] =
+    [("joint", Method::Joint), ("linear", Method::Linear), ("kzr", Method::Kzr), ("rotating", Method::Rotating)];
+const HOMOGRAPHIES: [(&str, HomographyFit); 2] =
+    [("linear", HomographyFit::Linear), ("nonlinear", HomographyFit::NonLinear)];
 
 /// `image_size=(width, height)`.
 pub(crate) fn image_size(given: &Bound<'_, PyDict>) -> PyResult<Option<ImageSize>> {
@@ -203,6 +208,7 @@ impl Asked {
             motion: named(given, "motion", &MOTIONS)?.unwrap_or_default(),
             constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
             method: named(given, "method", &METHODS)?.unwrap_or_default(),
+            homographies: named(given, "homographies", &HOMOGRAPHIES)?.unwrap_or_default(),
             lens: named(given, "lens", &LENS_MODELS)?.unwrap_or_default(),
             principal_point_px: taken::<(f64, f64)>(given, "principal_point_px")?.map(|(x, y)| [x, y]),
             aspect: taken(given, "aspect")?,

@@ -10,7 +10,7 @@ use groundcal::{
     result::Covariance,
 };
 use groundcal_io::{import::read_camera, text::name_text};
-use groundcal_lab::studies::catalogue::Study;
+use groundcal_lab::studies::{catalogue::Study, setting::Asked};
 use groundcal_report::{
     canvas::svg,
     compare::{self, CompareError},
@@ -158,20 +158,43 @@ fn study_of(name: &str) -> Result<Study, Failure> {
     })
 }
 
+/// What a study is asked for in place of its own settings.
+fn asked_of(study: Study, given: &Bound<'_, PyDict>) -> PyResult<Asked> {
+    let refuse = |text: String| Err(Failure::option(text).raise(given.py()));
+    let matches = taken::<usize>(given, "matches")?;
+    if let Some(n) = matches.filter(|n| !(6..=10_000).contains(n)) {
+        return refuse(format!("matches={n}: it must lie between 6 and 10000"));
+    }
+    let roll_deg = taken::<f64>(given, "roll_deg")?;
+    if let Some(deg) = roll_deg.filter(|deg| !(0.0..=90.0).contains(deg)) {
+        return refuse(format!("roll_deg={deg}: it must lie between 0 and 90"));
+    }
+    let noise_px = taken::<f64>(given, "noise_px")?;
+    if let Some(px) = noise_px.filter(|px| !(0.0..=100.0).contains(px)) {
+        return refuse(format!("noise_px={px}: it must lie between 0 and 100"));
+    }
+    if noise_px.is_some() && study.varies_noise() {
+        return refuse(format!("noise_px=: {:?} varies the noise itself", study.name()));
+    }
+    Ok(Asked { matches, roll_deg, noise_px, size: image_size(given)? })
+}
+
 /// A study of the paper: its table (CSV), its page, its figure.
 #[pyfunction]
-#[pyo3(signature = (study, trials, seed, threads, progress))]
+#[pyo3(signature = (study, given, trials, seed, threads, progress))]
 pub(crate) fn run_study<'py>(
     py: Python<'py>,
     study: &str,
+    given: &Bound<'_, PyDict>,
     trials: u32,
     seed: u64,
     threads: Option<usize>,
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<(String, String, String)> {
     let study = study_of(study).map_err(|e| e.raise(py))?;
+    let asked = asked_of(study, given)?;
     work::run(py, threads, progress, move |watch| {
-        let output = study.run(trials, seed, watch)?;
+        let output = study.run(&asked, trials, seed, watch)?;
         let table = String::from_utf8(output.table).map_err(|e| Failure::Fault(e.to_string()))?;
         Ok((table, output.page, svg::document(&output.figure.layout())))
     })

@@ -93,7 +93,8 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
     let method = match c.method {
         Method::Joint => "joint refinement",
         Method::Rotating => "rotating camera, covariance-weighted",
-        Method::Linear => "linear, covariance-weighted",
+        Method::Linear => "linear, covariance-weighted, polished",
+        Method::Kzr => "linear as published (Knight, Zisserman & Reid 2003)",
     };
     let estimated = if c.attitude_sigma_estimated { ", estimated" } else { "" };
     let mut list = vec![

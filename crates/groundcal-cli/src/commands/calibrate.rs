@@ -4,7 +4,7 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{Method, Options, calibrate_matches},
+    calibrate::{HomographyFit, Method, Options, calibrate_matches},
     geometry::{camera::Camera, lens::Lens, size::ImageSize},
     moving::{Moving, NotCalibrated, calibrate_moving},
     result::{Calibration, Warning},
@@ -88,6 +88,10 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_enum, default_value_t = MethodArg::Joint)]
     pub(crate) method: MethodArg,
 
+    /// How homographies are fitted to their matches, for `--method kzr` [default: nonlinear]
+    #[arg(long, value_enum)]
+    pub(crate) homographies: Option<HomographiesArg>,
+
     /// Lens distortion: what is estimated of it (`none`: the error bars do not cover it)
     #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
     pub(crate) distortion: DistortionArg,
@@ -164,11 +168,33 @@ pub(crate) struct CalibrateArgs {
 pub(crate) enum MethodArg {
     /// Camera, lens, attitudes, views and points refined together
     Joint,
-    /// The closed form of Knight, Zisserman & Reid (2003) and maximum likelihood of its circular points, each motion by itself
+    /// The closed form of Knight, Zisserman & Reid (2003) with what we add to it: motions weighted by the covariances of their circular
+    /// points and polished to the maximum likelihood, the lens estimated, the floor matched again patch by patch
     Linear,
+    /// The same as published, for comparison: homographies, their eigenvectors, one linear system with all weights one, Cholesky. No lens
+    /// (undo it first), no weights, nothing polished
+    Kzr,
     /// All pairs taken for rotations about the optical centre (Hartley 1994): a pan-tilt camera on the spot, no floor needed. Wrong
     /// for a camera that moves; `joint` recognises cameras that turn on the spot by itself
     Rotating,
+}
+
+/// [`HomographyFit`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum HomographiesArg {
+    /// Normalised direct linear transformation of the matches on the plane
+    Linear,
+    /// Maximum likelihood, with errors in both images
+    Nonlinear,
+}
+
+impl From<HomographiesArg> for HomographyFit {
+    fn from(value: HomographiesArg) -> Self {
+        match value {
+            HomographiesArg::Linear => HomographyFit::Linear,
+            HomographiesArg::Nonlinear => HomographyFit::NonLinear,
+        }
+    }
 }
 
 impl From<MethodArg> for Method {
@@ -176,6 +202,7 @@ impl From<MethodArg> for Method {
         match value {
             MethodArg::Joint => Method::Joint,
             MethodArg::Linear => Method::Linear,
+            MethodArg::Kzr => Method::Kzr,
             MethodArg::Rotating => Method::Rotating,
         }
     }
@@ -379,6 +406,7 @@ fn options(args: &CalibrateArgs) -> Options {
         aspect: args.aspect,
         lens: args.distortion.into(),
         method: args.method.into(),
+        homographies: args.homographies.map_or_else(HomographyFit::default, Into::into),
         priors: args.prior.clone(),
         height_sigma: args.height_sigma,
         distortion: match [args.k1, args.k2].map(|k| k.unwrap_or(0.0)) {

@@ -1,10 +1,17 @@
-//! `groundcal experiment`: the four experiments of the paper on rendered scenes.
+//! `groundcal experiment`: the four experiments of the paper on rendered scenes, and real pictures.
 
-use std::{path::PathBuf, time::Instant};
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use clap::{Args, ValueEnum};
 use groundcal_io::outputs::Request;
-use groundcal_lab::experiments::{catalogue::Experiment, setup::ExperimentOptions};
+use groundcal_lab::experiments::{
+    catalogue::Experiment,
+    real,
+    setup::{ExperimentOptions, ExperimentOutput},
+};
 
 use crate::{
     args::{OverwriteArg, ThreadsArg},
@@ -18,14 +25,20 @@ use crate::{
 #[command(after_help = "Examples:
   groundcal experiment tripod --out experiments/
   groundcal experiment all --quick --out /tmp/experiments
+  groundcal experiment real --data ../shared/data --out experiments/
 
 Writes, for each experiment NAME, the pictures with their truth into the folder NAME, a sheet of them (NAME_views.jpg), the \
 table (NAME.txt, NAME.csv), and for tripod and pan-head all subsets of motions (NAME_subsets.csv, .svg, .png), for mobile-head \
-the draws of given matches (mobile-head_draws.csv), for film the rectified floor (film_floor.png).")]
+the draws of given matches (mobile-head_draws.csv, mobile-head_elevations.csv), for film the rectified floor (film_floor.png). \
+`real` writes a table for each set of pictures that is in --data, and real.txt.")]
 pub(crate) struct ExperimentArgs {
     /// Which of the paper's experiments
     #[arg(value_enum)]
     pub(crate) experiment: ExperimentArg,
+
+    /// Folder of the sets of real pictures (`real`, and `all`, which leaves them out without it)
+    #[arg(long, value_name = "DIR")]
+    pub(crate) data: Option<PathBuf>,
 
     /// Folder for pictures, tables and figures (made if need be)
     #[arg(long, value_name = "DIR")]
@@ -57,29 +70,68 @@ pub(crate) enum ExperimentArg {
     MobileHead,
     /// Two frames of a film from a crane that rises: focal length and rectified floor
     Film,
-    /// All four
+    /// Real pictures under --data: a turntable, two full turns; sets that are not there are said and skipped
+    Real,
+    /// The four, and `real` where there is --data
     All,
 }
 
 impl ExperimentArg {
-    fn experiments(self) -> Vec<Experiment> {
+    fn work(self, data: Option<&Path>) -> Result<Vec<Work<'_>>, CliError> {
+        let real = data.map(Work::Real);
+        Ok(match self {
+            ExperimentArg::Tripod => vec![Work::Rendered(Experiment::Tripod)],
+            ExperimentArg::PanHead => vec![Work::Rendered(Experiment::PanHead)],
+            ExperimentArg::MobileHead => vec![Work::Rendered(Experiment::MobileHead)],
+            ExperimentArg::Film => vec![Work::Rendered(Experiment::Film)],
+            ExperimentArg::Real => {
+                let missing = || CliError::Usage("`real` needs the folder of its pictures: give --data DIR".into());
+                vec![real.ok_or_else(missing)?]
+            }
+            ExperimentArg::All => Experiment::ALL.map(Work::Rendered).into_iter().chain(real).collect(),
+        })
+    }
+}
+
+/// What is run.
+#[derive(Clone, Copy)]
+enum Work<'a> {
+    Rendered(Experiment),
+    /// From the sets in this folder.
+    Real(&'a Path),
+}
+
+impl Work<'_> {
+    fn name(self) -> &'static str {
         match self {
-            ExperimentArg::Tripod => vec![Experiment::Tripod],
-            ExperimentArg::PanHead => vec![Experiment::PanHead],
-            ExperimentArg::MobileHead => vec![Experiment::MobileHead],
-            ExperimentArg::Film => vec![Experiment::Film],
-            ExperimentArg::All => Experiment::ALL.to_vec(),
+            Work::Rendered(experiment) => experiment.name(),
+            Work::Real(_) => real::NAME,
         }
+    }
+
+    fn file_names(self, options: &ExperimentOptions) -> Result<Vec<String>, CliError> {
+        Ok(match self {
+            Work::Rendered(experiment) => experiment.file_names(options)?,
+            Work::Real(_) => real::file_names(),
+        })
+    }
+
+    fn run(self, options: &ExperimentOptions, bar: &Bar) -> Result<ExperimentOutput, CliError> {
+        Ok(match self {
+            Work::Rendered(experiment) => experiment.run(options, bar)?,
+            Work::Real(data) => real::run(data, options, bar)?,
+        })
     }
 }
 
 /// Runs the experiments asked for; each is written and printed when it is done.
 pub(crate) fn run(args: &ExperimentArgs) -> Result<(), CliError> {
     // All of them are asked for before the first.
-    for experiment in args.experiment.experiments() {
-        begin(args, experiment)?;
+    let all = args.experiment.work(args.data.as_deref())?;
+    for work in &all {
+        begin(args, *work)?;
     }
-    output::on_threads(args.threads, || experiment(args))
+    output::on_threads(args.threads, || experiment(args, &all))
 }
 
 fn options(args: &ExperimentArgs) -> ExperimentOptions {
@@ -87,23 +139,23 @@ fn options(args: &ExperimentArgs) -> ExperimentOptions {
 }
 
 /// The files of an experiment, before the work.
-fn begin(args: &ExperimentArgs, experiment: Experiment) -> Result<Results, CliError> {
+fn begin(args: &ExperimentArgs, work: Work) -> Result<Results, CliError> {
     Results::begin(&Request {
         folder: &args.out,
-        command: &format!("experiment {}", experiment.name()),
-        names: &experiment.file_names(&options(args))?,
+        command: &format!("experiment {}", work.name()),
+        names: &work.file_names(&options(args))?,
         inputs: &[],
         basis: None,
         overwrite: args.overwrite.overwrite,
     })
 }
 
-fn experiment(args: &ExperimentArgs) -> Result<(), CliError> {
-    for experiment in args.experiment.experiments() {
+fn experiment(args: &ExperimentArgs, all: &[Work]) -> Result<(), CliError> {
+    for work in all {
         let began = Instant::now();
-        let results = begin(args, experiment)?;
+        let results = begin(args, *work)?;
         let bar = Bar::new("{msg:24} [{bar:40}] {pos}/{len}");
-        let result = experiment.run(&options(args), &bar)?;
+        let result = work.run(&options(args), &bar)?;
         for file in &result.files {
             results.write(&file.name, &file.bytes)?;
         }
@@ -111,7 +163,7 @@ fn experiment(args: &ExperimentArgs) -> Result<(), CliError> {
         output::print(&format!("{}\n", result.page))?;
         finished.tell();
         // Times differ from run to run: not on standard output.
-        output::tell(&format!("{}: {:.1} s", experiment.name(), began.elapsed().as_secs_f64()));
+        output::tell(&format!("{}: {:.1} s", work.name(), began.elapsed().as_secs_f64()));
     }
     Ok(())
 }

@@ -166,6 +166,7 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>, Finished), Cl
             shown(&args.calibration),
             match calibration.method {
                 Method::Linear => "--method linear",
+                Method::Kzr => "--method kzr",
                 Method::Rotating => "--method rotating",
                 Method::Joint => "the joint refinement failed",
             }

@@ -302,14 +302,20 @@ fn matches_from_elsewhere_get_the_page_without_pictures_whatever_their_names() {
     let evil = "<script>alert(1)</script>&'";
     let csv = matches_csv(&PointScene::nominal(2)).replace("m0a", evil);
     let csv = write(folder.path(), "matches.csv", csv);
-    for method in ["joint", "linear"] {
+    for method in ["joint", "linear", "kzr"] {
         let Page { html, data } = page(&[csv.as_str(), "--image-size", "1280x960", "--method", method]);
         assert!(!html.contains("<image") && !html.contains("<use "), "no pictures");
         assert!(!html.contains("<script>alert"), "the name is harmless");
         assert!(html.contains("&lt;script&gt;alert(1)&lt;/script&gt;&amp;&#39;"), "and there");
         assert_eq!(data["images"][0], evil);
         assert!(number(&data, "/motions/0/accepted") > 150.0);
-        assert_eq!(data["residuals"].is_null(), method == "linear");
+        assert_eq!(data["residuals"].is_null(), method != "joint");
+        let words = match method {
+            "joint" => "joint refinement",
+            "linear" => "linear method, weighted and polished",
+            _ => "linear method as published",
+        };
+        assert!(html.contains(words), "the page names the method: {words}");
         assert!(number(&data, "/motions/0/overlay/unit_per_px") > 0.0);
         assert!(html.contains("class=\"plot overlay\""), "the floor is drawn");
     }

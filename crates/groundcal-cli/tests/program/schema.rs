@@ -142,6 +142,7 @@ fn calibrations() -> Vec<(String, Value)> {
         vec![&tripod, "--max-features", "1500", "--method", "linear", "--constraint", "square", "--distortion", "none"],
         vec![&head, "--max-features", "800", "--camera-height", "1.3"],
         vec![&head, "--max-features", "800", "--method", "rotating"],
+        vec![&tripod, "--max-features", "1500", "--method", "kzr", "--homographies", "linear"],
         vec![&csv, "--image-size", "1280x960", "--constraint", "full", "--k1", "0.0001"],
     ];
     runs.into_iter().map(|args| (args.join(" "), calibrate(&args).json())).collect()

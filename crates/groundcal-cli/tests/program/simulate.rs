@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use crate::common::*;
 use tempfile::tempdir;
 
-const STUDIES: [(&str, usize); 5] = [("noise", 20), ("offset", 24), ("motions", 18), ("angle", 40), ("axis", 20)];
+const STUDIES: [(&str, usize); 5] = [("noise", 40), ("offset", 60), ("motions", 36), ("angle", 80), ("axis", 80)];
 const FURTHER: [&str; 3] = ["radial", "transfer", "subsets"];
 
 /// The lines of a table as column name -> text.
@@ -66,12 +66,38 @@ fn every_study_gives_a_table_and_two_figures() {
 /// Standard deviation of a sample median over that of the mean, for normal values; interquartile range of a unit normal.
 const MEDIAN_OVER_MEAN: f64 = 1.2533;
 const NORMAL_QUARTILES_APART: f64 = 1.3490;
-/// Deviations that none of some 1300 comparisons should reach.
+/// Deviations that none of some 3500 comparisons should reach.
 const NEVER: f64 = 5.0;
 
-/// Compares medians and failures with those of 200 trials of another seed, stored in `tests/reference` (made by `groundcal simulate all
-/// --out crates/groundcal-cli/tests/reference`, figures deleted). Tolerances follow from the number of trials: a median's from its
-/// quartiles, a count's from the binomial distribution.
+/// The probability of five deviations, on both sides.
+const NEVER_P: f64 = 5.7e-7;
+
+/// Fisher's exact test, two-sided: (failures, trials) of two runs with one probability.
+fn probability([old, of_old]: [f64; 2], [new, of_new]: [f64; 2]) -> f64 {
+    let ln_factorial = |n: f64| (1..=n as u64).map(|i| (i as f64).ln()).sum::<f64>();
+    let ln_choose = |n: f64, k: f64| ln_factorial(n) - ln_factorial(k) - ln_factorial(n - k);
+    let failures = old + new;
+    let of = |k: f64| {
+        let possible = k <= of_new && failures - k <= of_old && k <= failures && k >= 0.0;
+        let ln = || ln_choose(of_new, k) + ln_choose(of_old, failures - k) - ln_choose(of_old + of_new, failures);
+        if possible { ln().exp() } else { 0.0 }
+    };
+    let seen = of(new);
+    (0..=of_new as u64).map(|k| of(k as f64)).filter(|p| *p <= seen * (1.0 + 1e-9)).sum()
+}
+
+#[test]
+fn counts_are_compared_by_their_exact_probability() {
+    // One failure among 4 and 3 of 4: 2 (4 · 4) / 70 + 2 / 70.
+    assert!((probability([1.0, 4.0], [3.0, 4.0]) - 34.0 / 70.0).abs() < 1e-12);
+    assert!((probability([10.0, 1000.0], [0.0, 20.0]) - 1.0).abs() < 1e-9);
+    assert!(probability([0.0, 1000.0], [5.0, 20.0]) < NEVER_P);
+    assert!(probability([999.0, 1000.0], [18.0, 20.0]) > 1e-4);
+}
+
+/// Compares medians and failures with those of another seed, stored in `tests/reference` (1000 trials for noise and offset, 200 for the others;
+/// made by `groundcal simulate STUDY --trials N --out crates/groundcal-cli/tests/reference`, figures deleted). Tolerances follow from the number of trials: a median's from its
+/// quartiles, a count's from Fisher's exact test (a normal distribution is none of a failure in a thousand).
 fn agrees_with_reference(study: &str, path: &Path) {
     const RESULTS: [&str; 18] = [
         "trials",
@@ -105,19 +131,27 @@ fn agrees_with_reference(study: &str, path: &Path) {
         let value = |line: &BTreeMap<String, String>, column: &str| -> f64 {
             line[column].parse().unwrap_or_else(|_| panic!("{study} {column}: {line:?}"))
         };
-        let share = |line| value(line, "failures") / value(line, "trials");
-        let pooled = (value(old, "failures") + value(new, "failures")) / (value(old, "trials") + value(new, "trials"));
-        let sigma = (pooled * (1.0 - pooled) * (1.0 / value(old, "trials") + 1.0 / value(new, "trials"))).sqrt();
-        assert!((share(old) - share(new)).abs() <= NEVER * sigma + 1e-9, "{study}: failures {old:?} {new:?}");
+        let counts = |line| [value(line, "failures"), value(line, "trials")];
+        assert!(probability(counts(old), counts(new)) > NEVER_P, "{study}: failures {old:?} {new:?}");
         let [m_old, m_new] = [old, new].map(|l| value(l, "median_percent"));
         if m_old < 1e-7 || !m_old.is_finite() || !m_new.is_finite() {
             // Exact, or no median: the failures have been compared.
             assert!(m_old > 1e-7 || m_new < 1e-7, "{study}: {old:?} {new:?}");
             continue;
         }
+        // Subsets of one scene share its motions: only scenes are independent. There are as many as subsets of the place in the ranking
+        // over those of a scene, a twentieth of all of its size.
+        let of_scene = |line: &BTreeMap<String, String>| match (study, line.get("size").map(String::as_str)) {
+            ("subsets", Some("2")) => 66.0 / 20.0,
+            ("subsets", Some("3")) => 220.0 / 20.0,
+            ("subsets", Some("4")) => 495.0 / 20.0,
+            ("subsets", Some("6")) => 924.0 / 20.0,
+            _ => 1.0,
+        };
+        let independent = |trials: f64| trials / of_scene(old);
         let deviation = |line| {
             let apart = value(line, "upper_quartile_percent") - value(line, "lower_quartile_percent");
-            MEDIAN_OVER_MEAN * apart / NORMAL_QUARTILES_APART / value(line, "trials").sqrt()
+            MEDIAN_OVER_MEAN * apart / NORMAL_QUARTILES_APART / independent(value(line, "trials")).sqrt()
         };
         // Both from the reference, whose quartiles are better known.
         let ratio = (value(old, "trials") / value(new, "trials")).sqrt();
@@ -133,6 +167,22 @@ fn agrees_with_reference(study: &str, path: &Path) {
     let rms = (squares / f64::max(compared, 1.0)).sqrt();
     println!("{study}: {compared} medians within {rms:.2} deviations (root mean square) of the reference");
     assert!(rms < 2.5, "{study}: {rms:.2}");
+}
+
+#[test]
+fn one_setting_may_be_asked_for() {
+    let folder = tempdir().unwrap();
+    let asked = ["--matches", "30", "--roll-deg", "12.5", "--image-size", "640x480", "--trials", "3"];
+    for study in ["noise", "radial", "transfer", "subsets"] {
+        simulate(study, folder.path(), &asked);
+        for line in table(&folder.path().join(format!("{study}.csv"))) {
+            let setting = ["matches", "roll_deg", "image_width", "image_height"].map(|c| line[c].as_str());
+            assert_eq!(setting, ["30", "12.5", "640", "480"], "{study}");
+        }
+    }
+    simulate("motions", folder.path(), &[&asked[..], &["--noise-px", "0.3"]].concat());
+    let lines = table(&folder.path().join("motions.csv"));
+    assert!(lines.len() == 9 * 9 && lines.iter().all(|line| line["noise_px"] == "0.3"));
 }
 
 #[test]
@@ -168,6 +218,11 @@ fn wrong_usage_is_refused() {
         &["simulate", "noise"],
         &["simulate", "noise", "--trials", "0", "--out", &out],
         &["simulate", "noise", "--out", &at("README.md")],
+        &["simulate", "noise", "--noise-px", "2", "--out", &out],
+        &["simulate", "offset", "--noise-px", "-1", "--out", &out],
+        &["simulate", "offset", "--roll-deg", "91", "--out", &out],
+        &["simulate", "offset", "--matches", "5", "--out", &out],
+        &["simulate", "offset", "--image-size", "640", "--out", &out],
     ] {
         let outcome = groundcal(args);
         assert_eq!(outcome.code, 2, "{args:?}: {}", outcome.stderr);

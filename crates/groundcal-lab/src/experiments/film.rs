@@ -19,8 +19,9 @@ use nalgebra::{Vector2, Vector3};
 use crate::{
     error::LabError,
     experiments::{
+        arch::{self, axis_ratio},
         methods,
-        paths::{EdgeLine, edge_line, largest_angle_deg},
+        paths::{EdgeLine, edge_line, furthest_from_square_deg, largest_angle_deg},
         setup::{Description, ExperimentOutput, OutputFile, Setup, accept, motions},
     },
     render_scene::{Rendered, encode},
@@ -36,8 +37,11 @@ pub(crate) const ENDINGS: [&str; 1] = ["_floor.png"];
 /// How far the floor is rectified, in heights of the camera, and the side of its pixels at full size.
 const FARTHEST: f64 = 4.5;
 const UNIT_PER_PX: f64 = 0.006;
-/// Boxes up to this height are paths.
+/// Boxes up to this height lie on the floor: paths, from this length on those that are parallel; down to that one the one across them;
+/// shorter ones are pieces of the arch.
 const PATH_HEIGHT_M: f64 = 0.01;
+const PARALLEL_FROM_M: f64 = 10.0;
+const ACROSS_FROM_M: f64 = 1.0;
 /// Spacing of the places along an edge that are looked at.
 const EDGE_STEP_M: f64 = 0.05;
 /// Border of the picture in which no edge is measured.
@@ -91,28 +95,34 @@ fn floor_of(
         .map_err(|e| LabError::Other(format!("cannot encode the picture of the floor: {e}")))?;
     let by_truth = rectify(setup, &source, &exact)?;
 
-    let edges: Vec<Vec<Vector2<f64>>> = path_edges(setup).iter().map(|e| seen(setup, e)).collect();
-    let measure = |picture: &GrayImage, place: &dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>>| -> Vec<EdgeLine> {
-        let chains = edges.iter().map(|e| e.iter().filter_map(place).collect::<Vec<_>>());
-        chains.filter_map(|chain| edge_line(picture, &chain)).collect()
-    };
-    let in_frame = measure(frame, &|p| Some(*p));
-    let on_floor = measure(&flat.grey, &|p| flat.place(&found, p));
-    let on_true_floor = measure(&by_truth.grey, &|p| by_truth.place(&exact, p));
+    let expected = Expected::of(setup);
+    let measured = [
+        ("in the frame", expected.measured(frame, &|p| Some(*p))),
+        ("on the floor rectified", expected.measured(&flat.grey, &|p| flat.place(&found, p))),
+        (
+            "on the floor rectified with the true camera",
+            expected.measured(&by_truth.grey, &|p| by_truth.place(&exact, p)),
+        ),
+    ];
     let mut page = String::new();
     // Writing to a string cannot fail.
+    let _ = writeln!(page, "\nEdges of the parallel paths, largest angle between two of them, degrees:");
+    for (place, shape) in &measured {
+        let _ = writeln!(page, "{:>9.3}  {place} ({} edges)", largest_angle_deg(&shape.along), shape.along.len());
+    }
+    let _ = writeln!(page, "The path across them, furthest from a right angle, degrees:");
+    for (place, shape) in &measured {
+        let off = furthest_from_square_deg(&shape.along, &shape.across);
+        let _ = writeln!(page, "{off:>9.3}  {place} ({} edges)", shape.across.len());
+    }
+    let _ = writeln!(page, "The semicircular arch, longer over shorter axis of the ellipses through its edges:");
+    for (place, shape) in &measured {
+        let ratios: Vec<String> = shape.arch.iter().map(|ratio| format!("{ratio:>9.4}")).collect();
+        let _ = writeln!(page, "{}  {place} (outer, inner)", ratios.join(""));
+    }
     let _ = writeln!(
         page,
-        "\nEdges of the parallel paths, largest angle between two of them, degrees:\n\
-         {:>9.3}  in the frame ({} edges)\n{:>9.3}  on the floor rectified ({} edges)\n\
-         {:>9.3}  on the floor rectified with the true camera ({} edges)\n\
-         film_floor.png: {} x {} px, a pixel is {:.1} mm of floor for the true height",
-        largest_angle_deg(&in_frame),
-        in_frame.len(),
-        largest_angle_deg(&on_floor),
-        on_floor.len(),
-        largest_angle_deg(&on_true_floor),
-        on_true_floor.len(),
+        "film_floor.png: {} x {} px, a pixel is {:.1} mm of floor for the true height",
         flat.grid.size.width,
         flat.grid.size.height,
         1000.0 * flat.grid.unit_per_px * first.centre_m[2],
@@ -171,10 +181,63 @@ fn inside(p: &Vector2<f64>, size: ImageSize) -> bool {
     within(p.x, size.width) && within(p.y, size.height)
 }
 
-/// Points along both upper long edges of every path, metres.
-fn path_edges(setup: &Setup) -> Vec<Vec<Vector3<f64>>> {
-    let paths = setup.scene.boxes.list.iter().filter(|b| b.size_m[2] <= PATH_HEIGHT_M);
-    paths.flat_map(|b| [1.0, -1.0].map(|side| edge_points(b, side))).collect()
+/// What is on the floor, and where each edge is expected in the first frame.
+struct Expected {
+    /// Long edges of the parallel paths.
+    along: Vec<Vec<Vector2<f64>>>,
+    /// Those of the path across them.
+    across: Vec<Vec<Vector2<f64>>>,
+    /// Outer and inner edge of the arch.
+    arch: Vec<Vec<Vector2<f64>>>,
+}
+
+/// The edges as measured in one picture.
+struct Shape {
+    along: Vec<EdgeLine>,
+    across: Vec<EdgeLine>,
+    /// Longer over shorter axis of the ellipses through the edges of the arch.
+    arch: Vec<f64>,
+}
+
+impl Expected {
+    fn of(setup: &Setup) -> Self {
+        let flat = || setup.scene.boxes.list.iter().filter(|b| b.size_m[2] <= PATH_HEIGHT_M);
+        let long = |from: f64, to: f64| -> Vec<Vec<Vector2<f64>>> {
+            let paths = flat().filter(|b| (from..to).contains(&b.size_m[0]));
+            paths.flat_map(|b| [1.0, -1.0].map(|side| seen(setup, &edge_points(b, side)))).collect()
+        };
+        let pieces: Vec<&FloorBox> = flat().filter(|b| b.size_m[0] < ACROSS_FROM_M).collect();
+        Self {
+            along: long(PARALLEL_FROM_M, f64::INFINITY),
+            across: long(ACROSS_FROM_M, PARALLEL_FROM_M),
+            arch: [-1.0, 1.0].map(|side| seen(setup, &arch_edge(&pieces, side))).to_vec(),
+        }
+    }
+
+    /// What is measured in a picture in which a place of the frame is at `place`.
+    fn measured(&self, picture: &GrayImage, place: &dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>>) -> Shape {
+        let chain = |edge: &Vec<Vector2<f64>>| edge.iter().filter_map(place).collect::<Vec<_>>();
+        let lines = |edges: &[Vec<Vector2<f64>>]| edges.iter().filter_map(|e| edge_line(picture, &chain(e))).collect();
+        Shape {
+            along: lines(&self.along),
+            across: lines(&self.across),
+            arch: self.arch.iter().filter_map(|e| axis_ratio(arch::edge_points(picture, &chain(e)))).collect(),
+        }
+    }
+}
+
+/// Places along the outer (or, for the other sign, inner) sides of the pieces of the arch, metres: a millimetre from its circle at most.
+fn arch_edge(pieces: &[&FloorBox], side: f64) -> Vec<Vector3<f64>> {
+    let places = |piece: &&FloorBox| {
+        let (sin, cos) = piece.yaw_deg.to_radians().sin_cos();
+        let (centre, [length, width, height]) = (Vector2::from(piece.centre_m), piece.size_m);
+        let middle = centre + Vector2::new(-sin, cos) * (0.5 * side * width);
+        [-0.4, -0.2, 0.0, 0.2, 0.4].map(|share| {
+            let p = middle + Vector2::new(cos, sin) * (share * length);
+            Vector3::new(p.x, p.y, height)
+        })
+    };
+    pieces.iter().flat_map(places).collect()
 }
 
 fn edge_points(path: &FloorBox, side: f64) -> Vec<Vector3<f64>> {

@@ -9,26 +9,23 @@ use groundcal::{
     calibrate::{Options, Silent, calibrate_matched_images},
     error::Error,
     geometry::{frame::Frame, intrinsics::Intrinsics},
-    numerics::linalg::ComplexPoint,
     pairs::{
-        circular_points::{CircularPoint, from_homography},
-        correspondence::ImagePair,
-        refine::HomographyEstimate,
+        circular_points::from_homography, correspondence::ImagePair, refine::HomographyEstimate,
         robust::estimate_robust,
     },
     remedy::Remedy,
     result::{Calibration, Parameter},
     select::attitude_groups::{Motion, Sides},
     start::{
-        absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
+        absolute_conic::{Constraint, WeightedPoint, intrinsics_of},
         rotating_camera::{RotatingOptions, Weighting, calibrate_rotating},
+        unweighted_camera::solve_unweighted_with_covariance,
     },
     vision::{
         features::{detect, match_features},
         image::GrayImage,
     },
 };
-use nalgebra::{Matrix4, SMatrix, Vector4};
 use rayon::prelude::*;
 
 /// A number of the camera: its error against truth and the stated standard deviation, both in per cent.
@@ -139,49 +136,20 @@ pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> R
     Ok(out)
 }
 
-/// The paper's solution from some of the circular points and its covariance to first order: (ln fx, ln fy/fx, cx, cy, skew), frame
-/// units.
-///
-/// # Errors
-/// [`Error::NotPositiveDefinite`] when no real camera solves the equations.
-fn solve(points: &[&CircularPoint], constraint: Constraint) -> Result<(Parameters, SMatrix<f64, 5, 5>), Error> {
-    let mut bare: Vec<ComplexPoint> = points.iter().map(|p| p.point).collect();
-    let p = solve_unweighted(&bare, constraint, 1.0)?;
-    let mut covariance = SMatrix::<f64, 5, 5>::zeros();
-    for (i, point) in points.iter().enumerate() {
-        // A root of the covariance: each column is an independent error of one deviation.
-        let regular = point.covariance + Matrix4::from_diagonal_element(1e-20);
-        let Some(root) = regular.cholesky() else { continue };
-        for c in 0..4 {
-            const STEP: f64 = 0.05;
-            let step: Vector4<f64> = root.l().column(c) * STEP;
-            let mut ends = [1.0, -1.0].map(|sign| {
-                bare[i] = point.moved(&(step * sign)).normalize();
-                solve_unweighted(&bare, constraint, 1.0).ok()
-            });
-            bare[i] = point.point;
-            // Where a twentieth of a deviation leads to no camera, the error has no bound.
-            let change = match (ends[0].take(), ends[1].take()) {
-                (Some(up), Some(down)) => (up - down) / (2.0 * STEP),
-                _ => Parameters::repeat(f64::INFINITY),
-            };
-            covariance += change * change.transpose();
-        }
-    }
-    Ok((p, covariance))
-}
-
 /// The paper's linear method.
 ///
 /// # Errors
-/// See [`solve`].
+/// See [`solve_unweighted_with_covariance`].
 pub(crate) fn linear(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
-    let points: Vec<&CircularPoint> = measured.motions.iter().map(|m| &m.geometry.circular_point).collect();
-    let (p, covariance) = solve(&points, constraint)?;
+    let point = |m: &Motion| {
+        let point = m.geometry.circular_point.clone();
+        WeightedPoint { covariance: point.covariance, point }
+    };
+    let points: Vec<WeightedPoint> = measured.motions.iter().map(point).collect();
+    let (p, covariance) = solve_unweighted_with_covariance(&points, constraint, 1.0)?;
     let frame = &measured.frame;
     let k = frame.intrinsics_to_pixel(&intrinsics_of(&p));
-    let mut to_pixels = SMatrix::<f64, 5, 5>::from_diagonal_element(frame.scale_px);
-    (to_pixels[(0, 0)], to_pixels[(1, 0)], to_pixels[(1, 1)]) = (k.fx, k.fy, k.fy);
+    let to_pixels = frame.pixels_by_logarithms(&k);
     let in_pixels = to_pixels * covariance * to_pixels.transpose();
     Ok(Scores::new(truth, &k, constraint, |i, j| in_pixels[(i, j)]))
 }

@@ -37,7 +37,7 @@ pub(crate) fn edge_line(picture: &GrayImage, expected: &[Vector2<f64>]) -> Optio
 }
 
 /// The strongest edge on a short line through a point.
-fn edge_at(picture: &GrayImage, p: &Vector2<f64>, normal: &Vector2<f64>) -> Option<Vector2<f64>> {
+pub(crate) fn edge_at(picture: &GrayImage, p: &Vector2<f64>, normal: &Vector2<f64>) -> Option<Vector2<f64>> {
     let steps = (REACH_PX / STEP_PX) as i64;
     let margin = (1.0 / STEP_PX) as i64;
     let values: Vec<f64> = (-steps - margin..=steps + margin)
@@ -98,6 +98,12 @@ pub(crate) fn largest_angle_deg(lines: &[EdgeLine]) -> f64 {
         (d.x * e.y - d.y * e.x).abs().atan2(d.dot(&e).abs()).to_degrees()
     };
     lines.iter().flat_map(|a| lines.iter().map(move |b| angle(a, b))).fold(0.0, f64::max)
+}
+
+/// The angle between any of one set of lines and any of another that is furthest from a right one, degrees off it.
+pub(crate) fn furthest_from_square_deg(lines: &[EdgeLine], across: &[EdgeLine]) -> f64 {
+    let off = |a: &EdgeLine, b: &EdgeLine| a.direction.dot(&b.direction).clamp(-1.0, 1.0).asin().abs().to_degrees();
+    lines.iter().flat_map(|a| across.iter().map(move |b| off(a, b))).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use crate::{
     studies::{
         figure4,
         reports::{self, output::StudyOutput},
+        setting::Asked,
     },
 };
 
@@ -39,16 +40,21 @@ impl Study {
         }
     }
 
-    /// Runs so many trials for each point of a curve. The seed decides every random choice; the number of threads changes nothing.
+    /// Whether it varies the image noise, which then cannot be asked for.
+    pub fn varies_noise(self) -> bool {
+        matches!(self, Study::Figure4(figure4::Study::Noise) | Study::Radial)
+    }
+
+    /// Runs so many trials for each point of a curve, under its own settings or those asked for. The seed decides every random choice; the number of threads changes nothing.
     ///
     /// # Errors
     /// [`LabError::Other`] when the table cannot be written.
-    pub fn run(self, trials: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
+    pub fn run(self, asked: &Asked, trials: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
         match self {
-            Study::Figure4(study) => reports::figure4::run(study, trials, seed, progress),
-            Study::Radial => reports::radial::run(trials, seed, progress),
-            Study::Transfer => reports::transfer::run(trials, seed, progress),
-            Study::Subsets => reports::subsets::run(trials, seed, progress),
+            Study::Figure4(study) => reports::figure4::run(study, asked, trials, seed, progress),
+            Study::Radial => reports::radial::run(asked, trials, seed, progress),
+            Study::Transfer => reports::transfer::run(asked, trials, seed, progress),
+            Study::Subsets => reports::subsets::run(asked, trials, seed, progress),
         }
     }
 }

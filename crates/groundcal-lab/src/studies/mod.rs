@@ -4,5 +4,6 @@ pub mod catalogue;
 pub mod figure4;
 pub mod radial;
 pub mod reports;
+pub mod setting;
 pub mod subset;
 pub mod transfer;

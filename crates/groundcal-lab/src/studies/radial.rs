@@ -1,4 +1,4 @@
-//! Bias and scatter of the one-parameter radial distortion (KZR 2.2) under noise: closed form, minimised with each homography, and
+//! Bias and scatter of the one-parameter radial distortion (KZR 3.2) under noise: closed form, minimised with each homography, and
 //! minimised with all homographies of one lens.
 //!
 //! Scenes are those of [`super::figure4`] with points distorted by the division model, whose λ all methods estimate; the camera follows
@@ -10,7 +10,10 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::division::{DivisionModel, division_closed_form, refine_division};
-use crate::studies::figure4::{Condition, linear_circular_point, quantile, scene};
+use crate::studies::{
+    figure4::{Condition, linear_circular_point, quantile, scene},
+    setting::Setting,
+};
 use groundcal::{
     geometry::frame::Frame,
     numerics::linalg::{ComplexPoint, complex_pair_eigen},
@@ -25,8 +28,6 @@ use groundcal::{
 pub const LAMBDA: f64 = -0.1;
 /// Standard deviations of the image noise, pixels.
 pub const NOISE_PX: [f64; 7] = [0.0, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
-/// Matches a motion.
-pub const MATCHES: [usize; 2] = [200, 20];
 
 /// How the lens is estimated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,8 +67,8 @@ pub struct Outcome {
 }
 
 /// One trial of all methods, in the order of [`Method::ALL`].
-pub fn trial(noise_px: f64, matches: usize, seed: u64, number: u64) -> [Outcome; 4] {
-    let scene = scene(&Condition { noise_px: 0.0, matches, ..Condition::default() }, seed, number);
+pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcome; 4] {
+    let scene = scene(&Condition { noise_px: 0.0, setting, ..Condition::default() }, seed, number);
     let frame = Frame::new(scene.size, None);
     let lens = DivisionModel { lambda: LAMBDA };
     let mut rng = Pcg64Mcg::seed_from_u64(scene.seed ^ 0x5ad1_a100);
@@ -175,7 +176,9 @@ mod tests {
     #[test]
     fn without_noise_all_but_ignoring_the_lens_are_exact() {
         for number in 0..4 {
-            for (method, outcome) in Method::ALL.iter().zip(trial(0.0, 60, 1, number)) {
+            for (method, outcome) in
+                Method::ALL.iter().zip(trial(0.0, Setting { matches: 60, ..Setting::default() }, 1, number))
+            {
                 let fx = outcome.fx.expect("a camera").abs();
                 if *method == Method::Ignored {
                     assert!(fx > 0.01, "{fx}");

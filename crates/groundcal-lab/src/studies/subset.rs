@@ -1,7 +1,10 @@
 //! Minimal sets in simulation (KZR figures 5 and 6): the cameras of all subsets of m out of twelve motions, ranked by their predicted
 //! error, with their true errors; and bias and variance of sets of m motions.
 
-use crate::studies::figure4::{Condition, scene};
+use crate::studies::{
+    figure4::{Condition, scene},
+    setting::Setting,
+};
 use crate::subsets::rank_subsets;
 use groundcal::synthetic::bound::{HeightModel, cramer_rao_bound};
 use groundcal::{
@@ -49,9 +52,9 @@ pub struct Trial {
     pub bound: Option<f64>,
 }
 
-/// All subsets of `size` in the scene of a trial: zero skew, nominal condition, 200 matches a motion.
-pub fn trial(size: usize, seed: u64, number: u64) -> Option<Trial> {
-    let condition = Condition { motions: MOTIONS, ..Condition::default() };
+/// All subsets of `size` in the scene of a trial: zero skew, nominal condition but for setting and noise.
+pub fn trial(size: usize, setting: Setting, noise_px: f64, seed: u64, number: u64) -> Option<Trial> {
+    let condition = Condition { motions: MOTIONS, setting, noise_px, ..Condition::default() };
     let scene = scene(&condition, seed, number);
     let frame = Frame::new(scene.size, None);
     let pairs = scene.pairs();
@@ -94,7 +97,7 @@ pub fn trial(size: usize, seed: u64, number: u64) -> Option<Trial> {
     let first = ranked.iter().find(|(is_first, _)| *is_first)?.1;
     let of_first: Vec<_> =
         scene.motions[..size].iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
-    let bound = cramer_rao_bound(&scene.intrinsics, &of_first, 1.0, Constraint::ZeroSkew, HeightModel::Free);
+    let bound = cramer_rao_bound(&scene.intrinsics, &of_first, noise_px, Constraint::ZeroSkew, HeightModel::Free);
     Some(Trial {
         ranked: ranked.into_iter().map(|r| r.1).collect(),
         correlation: spearman(&predicted, &errors),

@@ -4,7 +4,10 @@
 //! The same three attitudes in both cases, zero skew. All motions: one turn at each attitude, the conic linear from their circular points.
 //! One motion: the first turn, and homographies from its first view to the first views of the other attitudes.
 
-use crate::studies::figure4::{Condition, groundcal, scene};
+use crate::studies::{
+    figure4::{Condition, groundcal, scene},
+    setting::Setting,
+};
 use crate::transfer::calibrate_transferred;
 use groundcal::synthetic::{
     bound::{HeightModel, cramer_rao_bound},
@@ -25,8 +28,6 @@ pub const TURNS_DEG: [f64; 9] = [1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 45.0
 pub const AXIS_ERRORS_DEG: [f64; 8] = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0];
 /// Turn of every motion there, degrees.
 pub const EQUAL_TURN_DEG: f64 = 15.0;
-/// Matches a homography.
-pub const MATCHES: [usize; 2] = [200, 20];
 
 /// What a trial is made with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,19 +38,21 @@ pub struct Setup {
     pub turn_deg: f64,
     /// Angle between the axis of each motion and the floor's normal, degrees.
     pub axis_error_deg: f64,
-    /// Matches of each homography.
-    pub matches: usize,
+    /// Attitudes, matches of each homography, image.
+    pub setting: Setting,
+    /// Standard deviation of each image coordinate, pixels.
+    pub noise_px: f64,
 }
 
 impl Setup {
     /// The motions but the first turn by `turn_deg`, about exact axes.
-    pub fn turning(turn_deg: f64, matches: usize) -> Self {
-        Self { first_turn_deg: FIRST_TURN_DEG, turn_deg, axis_error_deg: 0.0, matches }
+    pub fn turning(turn_deg: f64, setting: Setting, noise_px: f64) -> Self {
+        Self { first_turn_deg: FIRST_TURN_DEG, turn_deg, axis_error_deg: 0.0, setting, noise_px }
     }
 
     /// Equal turns about axes that are off the normal.
-    pub fn off_axis(axis_error_deg: f64, matches: usize) -> Self {
-        Self { first_turn_deg: EQUAL_TURN_DEG, turn_deg: EQUAL_TURN_DEG, axis_error_deg, matches }
+    pub fn off_axis(axis_error_deg: f64, setting: Setting, noise_px: f64) -> Self {
+        Self { first_turn_deg: EQUAL_TURN_DEG, turn_deg: EQUAL_TURN_DEG, axis_error_deg, setting, noise_px }
     }
 }
 
@@ -88,7 +91,8 @@ impl Method {
 pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 4] {
     let condition = Condition {
         turn_deg: setup.turn_deg,
-        matches: setup.matches,
+        setting: setup.setting,
+        noise_px: setup.noise_px,
         axis_error_deg: setup.axis_error_deg,
         axis_known: setup.axis_error_deg == 0.0,
         ..Condition::default()
@@ -162,7 +166,8 @@ mod tests {
             assert!(errors.len() >= 30, "{setup:?} {method}: {}", errors.len());
             (errors.iter().map(|e| e * e).sum::<f64>() / errors.len() as f64).sqrt()
         };
-        let (poor, stray) = (Setup::turning(3.0, 200), Setup::off_axis(3.0, 200));
+        let (poor, stray) =
+            (Setup::turning(3.0, Setting::default(), 1.0), Setup::off_axis(3.0, Setting::default(), 1.0));
         let (poor, stray) = ([rms(poor, 0), rms(poor, 1)], [rms(stray, 0), rms(stray, 1)]);
         assert!(2.0 * poor[1] < poor[0] && 1.5 * stray[0] < stray[1], "{poor:?} {stray:?}");
     }

@@ -162,7 +162,8 @@ def calibrate(
     mask: Path | npt.NDArray[Any] | Sequence[npt.NDArray[Any]] | None = None,
     motion: Literal["auto", "plane-normal", "turning", "general"] = "auto",
     constraint: Constraint = "auto",
-    method: Literal["joint", "linear", "rotating"] = "joint",
+    method: Literal["joint", "linear", "kzr", "rotating"] = "joint",
+    homographies: Literal["linear", "nonlinear"] | None = None,
     lens: Lens = "k1k2",
     distortion: Mapping[str, Any] | Path | Calibration | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
@@ -207,7 +208,9 @@ def calibrate(
             ``"turning"`` (on the spot, about any axes).
         constraint: What is assumed of the camera matrix: ``"auto"`` (priors), ``"full"``, ``"zero-skew"``, ``"square"``,
             ``"fixed-pp"``, ``"focal"``.
-        method: ``"joint"``, ``"linear"`` (the paper's method alone), ``"rotating"`` (a pan-tilt camera on the spot).
+        method: ``"joint"``, ``"linear"`` (the paper's closed form, weighted and polished, with patches and the lens), ``"kzr"`` (the
+            paper's as published: no weights, no lens), ``"rotating"`` (a pan-tilt camera on the spot).
+        homographies: How those of ``"kzr"`` are fitted: ``"nonlinear"`` (the default) or ``"linear"``.
         lens: What is estimated of the lens: ``"k1k2"``, ``"k1"``, ``"none"``.
         distortion: A known lens, which is held: ``{"k1": -0.1, "k2": 0.02}`` (with ``"model": "radtan"``, ``"division"``), a
             Calibration or the path of a camera file, fisheyes too.
@@ -249,6 +252,7 @@ def calibrate(
         "motion": motion,
         "constraint": constraint,
         "method": method,
+        "homographies": homographies,
         "lens": lens,
         "distortion": distortion._handle if isinstance(distortion, Calibration) else distortion,
         "priors": dict(priors) if isinstance(priors, Mapping) else priors,

@@ -324,6 +324,10 @@ def _column(values: list[str]) -> npt.NDArray[Any]:
 def simulate(
     study: str,
     *,
+    matches: int | None = None,
+    roll_deg: float | None = None,
+    noise_px: float | None = None,
+    image_size: tuple[int, int] | None = None,
     trials: int = 200,
     seed: int = 0,
     threads: int | None = None,
@@ -334,6 +338,10 @@ def simulate(
     Args:
         study: What is varied: ``"noise"``, ``"offset"``, ``"motions"``, ``"angle"``, ``"axis"``, ``"radial"``, ``"transfer"``,
             ``"subsets"``.
+        matches: Of each motion; 200, and 20 by default.
+        roll_deg: Rolls within so many degrees of level; wide attitudes and narrow ones (10) by default.
+        noise_px: Standard deviation of each image coordinate where the study does not vary it; 1 by default.
+        image_size: Width and height in pixels, the field of view staying as it is; (1280, 960) by default.
         trials: For each point of a curve.
         seed: Of every random choice.
         threads: As many as there are processors by default.
@@ -349,6 +357,7 @@ def simulate(
             raise TypeError(f"{name}= must be a whole number, not {value!r} ({type(value).__name__})")
         if value is not None and not least <= value <= most:
             raise InputError(f"{name}={value}: it must lie between {least} and {most}", "unusable_option")
+    given = {"matches": matches, "roll_deg": roll_deg, "noise_px": noise_px, "image_size": image_size}
     with listener(progress) as told:
-        table, text, figure = _groundcal.run_study(study, trials, seed, threads, told)
+        table, text, figure = _groundcal.run_study(study, given, trials, seed, threads, told)
     return Study(study, table, text, figure)

@@ -12,10 +12,11 @@ use crate::{
         copies::count_once,
         lens::{estimated_lens_of_motions, given_lens_of_motions, lens_placed_by_motions, through_own_camera},
         names::Names,
-        options::{Method, MotionModel, Options},
+        options::{HomographyFit, Method, MotionModel, Options},
         order::{content_key, in_order_of_images},
         outcome::assemble,
         plane_normal::solve_plane_normal,
+        published::solve_published,
         rotating::solve_rotating,
         solved::Solved,
         source::{GivenPairs, Source},
@@ -28,7 +29,7 @@ use crate::{
     pairs::{
         known_lens::{KnownLens, find_lens, find_placement},
         observation::{PairObservation, images_of},
-        observe::observe,
+        observe::{observe, refit_linearly},
         patch::match_by_patches,
         placed_lens::PlacedLens,
     },
@@ -158,7 +159,8 @@ fn select_motions(
     let plane_normal = select_plane_normal(pairs, &stages.plane_normal, observer);
     observer.go_on()?;
     let plane_normal_only = stages.options.motion == MotionModel::PlaneNormal;
-    if stages.plane_normal.named || plane_normal_only || stages.options.method == Method::Linear {
+    let closed_form = matches!(stages.options.method, Method::Linear | Method::Kzr);
+    if stages.plane_normal.named || plane_normal_only || closed_form {
         return plane_normal;
     }
     if let Some(turning) = find_turning(pairs, &stages.rotations)
@@ -250,6 +252,9 @@ fn seen_again(found: Found, stages: &StageOptions<'_>, observer: &dyn Observer) 
         } else if let Some(options) = &stages.lens {
             (pairs, selection, lens) = estimated_lens_of_motions(pairs, selection, lens, options, stages, observer)?;
         }
+        if stages.options.homographies == HomographyFit::Linear {
+            pairs = refit_linearly(pairs, &stages.frame, observer)?;
+        }
         selection = selection.confirmed(&pairs);
     }
     Ok(Found { pairs, lens, selection, amplification, warnings })
@@ -263,6 +268,8 @@ fn solve(found: &Found, stages: &StageOptions<'_>, observer: &dyn Observer) -> R
         (Method::Joint | Method::Linear, MotionKind::PlaneNormal) => {
             solve_plane_normal(pairs, selection, lens, stages, observer)?
         }
+        // Its selection knows plane-normal motions alone.
+        (Method::Kzr, _) => solve_published(pairs, selection, lens, stages, observer)?,
         (Method::Joint | Method::Linear, MotionKind::Turning { focal_px }) => {
             solve_turning(pairs, selection, focal_px, lens, stages, observer)?
         }

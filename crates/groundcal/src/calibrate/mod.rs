@@ -21,6 +21,7 @@ mod order;
 mod outcome;
 mod plane_normal;
 mod prior_conflicts;
+mod published;
 mod refinement;
 mod rotating;
 mod setup;
@@ -51,7 +52,7 @@ use crate::{
 
 pub use crate::observer::{Observer, Silent, Stage};
 pub(crate) use options::HELD_ATTITUDE_SIGMA_DEG;
-pub use options::{LensModel, Method, MotionModel, Options};
+pub use options::{HomographyFit, LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom.
 ///

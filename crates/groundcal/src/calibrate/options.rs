@@ -33,6 +33,16 @@ pub enum LensModel {
     K1K2,
 }
 
+/// How the homographies of [`Method::Kzr`] are fitted to the matches that a robust search finds to be on the plane.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum HomographyFit {
+    /// Maximum likelihood with errors in both images (H&Z 4.2.5).
+    #[default]
+    NonLinear,
+    /// The normalised direct linear transformation (H&Z 4.1), every match with the same weight.
+    Linear,
+}
+
 /// What is known of how the camera moved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MotionModel {
@@ -53,6 +63,8 @@ pub enum MotionModel {
 pub struct Options {
     /// How the camera is estimated.
     pub method: Method,
+    /// How homographies are fitted; [`Method::Kzr`] only.
+    pub homographies: HomographyFit,
     /// What is known of the motion.
     pub motion: MotionModel,
     /// What is assumed of the camera matrix.
@@ -107,6 +119,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             method: Method::default(),
+            homographies: HomographyFit::default(),
             motion: MotionModel::default(),
             constraint: Constraint::Auto,
             principal_point_px: None,
@@ -208,8 +221,38 @@ impl Options {
                 );
             }
         }
+        self.validate_published()?;
         if !(self.robust.max_sigma_px.is_finite() && self.robust.max_sigma_px > 0.0) {
             return fail(format!("largest noise {} px must be positive", self.robust.max_sigma_px));
+        }
+        Ok(())
+    }
+
+    /// What the method as published has no word for.
+    fn validate_published(&self) -> Result<(), Error> {
+        let fail = |text: &str| Err(Error::InvalidOption(text.into()));
+        if self.method != Method::Kzr {
+            return if self.homographies == HomographyFit::Linear {
+                fail("linear homographies belong to the published method, kzr: the others refine theirs")
+            } else {
+                Ok(())
+            };
+        }
+        if !self.priors.is_empty() {
+            return fail("the published method (kzr) takes no priors: leave them out, or use the joint method");
+        }
+        if !self.distortion.is_none() {
+            return fail(
+                "the published method (kzr) knows no lens: undo the distortion in the pictures first (undistort)",
+            );
+        }
+        if self.height_sigma.is_some() {
+            return fail("the published method (kzr) takes heights as they come: a height sigma has no meaning there");
+        }
+        if self.motion == MotionModel::Turning {
+            return fail(
+                "the published method (kzr) is for turns about a plane's normal: use the rotating or the joint method",
+            );
         }
         Ok(())
     }
@@ -285,7 +328,7 @@ impl Options {
 
     /// Whether the distortion is to be found.
     pub(super) fn lens_is_unknown(&self) -> bool {
-        self.distortion.is_none() && self.lens != LensModel::None
+        self.distortion.is_none() && self.lens != LensModel::None && self.method != Method::Kzr
     }
 
     /// What the closed-form camera is told.

@@ -101,7 +101,7 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
         method: solved.method,
         camera_height_m: None,
         scene: match (solved.method, over_floor) {
-            (Method::Linear, _) => None,
+            (Method::Linear | Method::Kzr, _) => None,
             (Method::Joint, Some(_)) => Some(Scene::Floor),
             (Method::Joint, None) | (Method::Rotating, _) => Some(Scene::Directions),
         },

@@ -1,7 +1,7 @@
 //! The options of every stage, made once from those of the calibration.
 
 use crate::{
-    calibrate::options::{LensModel, MotionModel, Options},
+    calibrate::options::{LensModel, Method, MotionModel, Options},
     geometry::{frame::Frame, size::ImageSize},
     pairs::{known_lens::LensOptions, observe::ObserveOptions, patch::PatchStageOptions},
     select::{plane_normal::PlaneNormalOptions, rotations::RotationOptions},
@@ -94,7 +94,7 @@ impl<'a> StageOptions<'a> {
                 trusted: named,
                 min_matches,
             },
-            patches: (source.has_images && options.match_patches)
+            patches: (source.has_images && options.match_patches && options.method != Method::Kzr)
                 .then_some(PatchStageOptions { patches: options.patches, observe }),
             camera: options.camera(size),
             rotating: RotatingOptions {

@@ -1,6 +1,6 @@
 //! The imaged circular points of the floor, from one plane-normal motion.
 //!
-//! For H = K (R + t nᵀ/d) K⁻¹ whose rotation axis is the plane's normal n (KZR eq. 2):
+//! For H = K (R + t nᵀ/d) K⁻¹ whose rotation axis is the plane's normal n (KZR eq. 1):
 //!
 //! ```text
 //! H e = λ e,   e ~ K A (1, ±i, 0)ᵀ,   λ / |λ| = exp(∓i θ),   ρ = λ_real / |λ| = 1 + n·t/d

@@ -5,13 +5,14 @@ use rayon::prelude::*;
 
 use crate::{
     error::Error,
-    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
+    geometry::{frame::Frame, homography::Homography, intrinsics::Intrinsics, lens::Lens},
     ids::PairId,
     numerics::linalg::complex_pair_eigen,
     observer::{Observer, Silent, Stage},
     pairs::{
         circular_points::CircularPoint,
         correspondence::{ImagePair, PointMatch},
+        dlt::direct_linear_transformation,
         observation::{PairObservation, Refusal, RefusalKind, TurningPlane, turning_plane},
         placed_lens::PlacedLens,
         ray_match::RayMatch,
@@ -150,6 +151,32 @@ pub(crate) fn refit_all(
             });
         }
         Ok(pair.through(Some(lens)))
+    };
+    pairs.into_par_iter().map(refitted).collect()
+}
+
+/// The linear homographies of all pairs from the matches found to be on their planes, every match with the same weight. Their covariances
+/// are those of the refined ones, which to first order they share.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn refit_linearly(
+    pairs: Vec<PairObservation>,
+    frame: &Frame,
+    observer: &dyn Observer,
+) -> Result<Vec<PairObservation>, Error> {
+    let refitted = |mut pair: PairObservation| {
+        observer.go_on()?;
+        let on_plane: Vec<PointMatch> = pair.inliers().map(|m| PointMatch { sigma_px: 1.0, ..*m }).collect();
+        if let Ok(turning) = &pair.outcome
+            && let Some((in_frame, _)) = direct_linear_transformation(&to_frame(&on_plane, frame))
+            && let Ok(h_b_from_a) = Homography::from_frame(&in_frame, frame)
+        {
+            let mut plane = turning.plane.clone();
+            plane.estimate = HomographyEstimate { in_frame, h_b_from_a, ..plane.estimate };
+            pair.outcome = turning_plane(plane);
+        }
+        Ok(pair)
     };
     pairs.into_par_iter().map(refitted).collect()
 }

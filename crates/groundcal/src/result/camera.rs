@@ -14,8 +14,12 @@ use crate::geometry::{
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Closed form and maximum likelihood of the circular points (Knight, Zisserman & Reid 2003), each motion by itself.
+    /// The closed form of Knight, Zisserman & Reid (2003), weighted by the covariances of the circular points and polished to their
+    /// maximum likelihood, each motion by itself; the lens estimated before, the floor matched again patch by patch.
     Linear,
+    /// The same as published, for comparison: homographies, their eigenvectors, eᵀ ω e = 0 of every motion with weight one, Cholesky. No
+    /// weights, no lens, no patches, nothing polished; the constraint `auto` stands for `zero-skew`.
+    Kzr,
     /// Joint refinement of camera, lens, attitudes, views and points, from there.
     #[default]
     Joint,
@@ -29,6 +33,7 @@ impl Method {
     pub fn name(self) -> &'static str {
         match self {
             Method::Linear => "linear",
+            Method::Kzr => "kzr",
             Method::Joint => "joint",
             Method::Rotating => "rotating",
         }

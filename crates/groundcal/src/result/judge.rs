@@ -53,7 +53,10 @@ pub fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
             }
         }
         None if c.method != Method::Joint => {
-            let method = if c.method == Method::Linear { "linear" } else { "rotating-camera" };
+            let method = match c.method {
+                Method::Rotating => "rotating-camera",
+                method => method.name(),
+            };
             let message = format!(
                 "the {method} method alone does not try its assumptions against the matches; the joint refinement does"
             );

@@ -30,6 +30,20 @@ pub(crate) fn camera_of_motions_through(
     options: &CameraOptions,
     observer: &dyn Observer,
 ) -> Result<CameraSolution, Error> {
+    solve_camera_until(&motions_through(lens, pairs, used, frame, observer)?, frame, options, observer)
+}
+
+/// Those motions.
+///
+/// # Errors
+/// [`Error::InvalidOption`] for a lens that cannot be undone where the matches are; [`Error::Stopped`].
+pub(crate) fn motions_through(
+    lens: &PlacedLens,
+    pairs: &[PairObservation],
+    used: &[PairId],
+    frame: &Frame,
+    observer: &dyn Observer,
+) -> Result<Vec<Motion>, Error> {
     let motion = |&id: &PairId| {
         let pair = &pairs[id];
         let estimate = refit(pair, &pair.outcome.as_ref().ok()?.plane, lens, frame)?;
@@ -44,7 +58,7 @@ pub(crate) fn camera_of_motions_through(
             named_parameters(&lens.lens)
         )));
     }
-    solve_camera_until(&motions, frame, options, observer)
+    Ok(motions)
 }
 
 /// The camera of the rotations `used`.

@@ -236,6 +236,30 @@ fn estimate_attitude_sigma(
     })
 }
 
+/// Whether there are as many attitudes as the constraint needs.
+///
+/// # Errors
+/// [`Error::TooFewAttitudes`].
+pub(crate) fn check_attitudes(groups: &[AttitudeGroup], motions: usize, constraint: Constraint) -> Result<(), Error> {
+    let needed = constraint.attitudes_needed();
+    if groups.len() >= needed {
+        return Ok(());
+    }
+    let alternatives = if groups.len() == 1 {
+        vec![Constraint::Auto, Constraint::Focal, Constraint::FixedPrincipalPoint]
+    } else {
+        vec![Constraint::ZeroSkew, Constraint::Square]
+    };
+    Err(Error::TooFewAttitudes {
+        constraint: constraint.name(),
+        unknowns: constraint.unknowns(),
+        needed,
+        motions,
+        attitudes: groups.len(),
+        alternatives,
+    })
+}
+
 fn solve_groups(
     groups: &[AttitudeGroup],
     motions: usize,
@@ -243,23 +267,7 @@ fn solve_groups(
     priors: &Priors,
     frame: &Frame,
 ) -> Result<ConicSolution, Error> {
-    let constraint = options.constraint;
-    let needed = constraint.attitudes_needed();
-    if groups.len() < needed {
-        let alternatives = if groups.len() == 1 {
-            vec![Constraint::Auto, Constraint::Focal, Constraint::FixedPrincipalPoint]
-        } else {
-            vec![Constraint::ZeroSkew, Constraint::Square]
-        };
-        return Err(Error::TooFewAttitudes {
-            constraint: constraint.name(),
-            unknowns: constraint.unknowns(),
-            needed,
-            motions,
-            attitudes: groups.len(),
-            alternatives,
-        });
-    }
+    check_attitudes(groups, motions, options.constraint)?;
     let points: Vec<WeightedPoint> = groups.iter().map(|g| g.fused.clone()).collect();
     solve_points(&points, options, priors, frame).map_err(|error| match error {
         // Straight down the circular points lie at infinity (third coordinate 0), whatever the roll.

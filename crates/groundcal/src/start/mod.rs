@@ -6,3 +6,4 @@ pub(crate) mod given_lens;
 pub(crate) mod lens_uncertainty;
 pub mod linear_camera;
 pub mod rotating_camera;
+pub mod unweighted_camera;

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)] // a test may end in a panic
 
 mod copies;
+mod degenerate_heads;
 mod exact;
 mod fisheye;
 mod floor;
@@ -11,6 +12,7 @@ mod invariance;
 mod lens;
 mod plan;
 mod prior_conflicts;
+mod published;
 mod refinement;
 mod refinement_blocks;
 mod rotating_camera;

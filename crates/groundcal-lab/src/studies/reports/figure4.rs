@@ -13,6 +13,7 @@ use crate::{
         reports::output::{
             BLACK, BLUE, DASHED, DOTTED, GREEN, ORANGE, PURPLE, RED, SKY, StudyOutput, trials, with_failures,
         },
+        setting::{Asked, Setting},
     },
     tables::{csv, optional, six_digits_trimmed},
 };
@@ -28,8 +29,14 @@ struct Row {
 ///
 /// # Errors
 /// [`LabError::Other`] when the table cannot be written.
-pub fn run(study: Study, count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
-    let conditions = study.conditions();
+pub fn run(
+    study: Study,
+    asked: &Asked,
+    count: u32,
+    seed: u64,
+    progress: &dyn Progress,
+) -> Result<StudyOutput, LabError> {
+    let conditions = study.conditions(asked);
     progress.begin(study.name(), conditions.len() as u64 * u64::from(count));
     let rows: Vec<Row> = conditions
         .into_iter()
@@ -55,10 +62,13 @@ fn methods() -> impl Iterator<Item = (&'static str, Constraint)> {
     Method::ALL.iter().map(|m| (m.name(), m.constraint())).chain([("cramer_rao_bound", Constraint::ZeroSkew)])
 }
 
-const COLUMNS: [&str; 24] = [
+const COLUMNS: [&str; 27] = [
     "study",
     "value",
     "matches",
+    "roll_deg",
+    "image_width",
+    "image_height",
     "noise_px",
     "offset_m",
     "motions",
@@ -89,10 +99,9 @@ fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, LabError> {
         let c = &row.condition;
         for ((name, constraint), s) in methods().zip(&row.summaries) {
             let [lower, median, upper] = s.quartiles_percent.map(six_digits_trimmed);
-            let mut record = vec![
-                study.name().to_string(),
-                six_digits_trimmed(c.value),
-                c.matches.to_string(),
+            let mut record = vec![study.name().to_string(), six_digits_trimmed(c.value)];
+            record.extend(c.setting.record());
+            record.extend([
                 six_digits_trimmed(c.noise_px),
                 six_digits_trimmed(c.offset_m),
                 c.motions.to_string(),
@@ -110,7 +119,7 @@ fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, LabError> {
                 optional(s.rmse_px),
                 optional(s.rmse_over_bound[0]),
                 optional(s.rmse_over_bound[1]),
-            ];
+            ]);
             record.extend((0..4).map(|i| optional(s.coverage.map(|c| c[i]))));
             records.push(record);
         }
@@ -146,21 +155,21 @@ fn figure(study: Study, rows: &[Row], trials: u32) -> Figure {
             ("Focal length error against error of the rotation axis", "angle from axis to floor normal, degrees")
         }
     };
-    // Panels side by side: 200 and 20 matches; below one another: distances of the axis.
-    let mut panels: Vec<((f64, usize), Vec<&Row>)> = Vec::new();
+    // Panels side by side: numbers of matches; below one another: attitudes, then distances of the axis.
+    let mut panels: Vec<((f64, Setting), Vec<&Row>)> = Vec::new();
     for row in rows {
         let offset = if study == Study::Offset { 0.0 } else { row.condition.offset_m };
-        let key = (offset, row.condition.matches);
+        let key = (offset, row.condition.setting);
         match panels.iter_mut().find(|p| p.0 == key) {
             Some(panel) => panel.1.push(row),
             None => panels.push((key, vec![row])),
         }
     }
-    let panel = |((offset, matches), rows): &((f64, usize), Vec<&Row>)| Panel {
-        title: if study == Study::Angle {
-            format!("{matches} matches a motion, axis at {offset} m")
+    let panel = |((offset, setting), rows): &((f64, Setting), Vec<&Row>)| Panel {
+        title: if matches!(study, Study::Angle | Study::Axis) {
+            format!("{}, axis at {offset} m", setting.words())
         } else {
-            format!("{matches} matches a motion")
+            setting.words()
         },
         curves: curves()
             .iter()
@@ -218,14 +227,15 @@ fn summary(w: &mut String, study: Study, rows: &[Row], trials: u32) -> std::fmt:
     };
     writeln!(w, "{}: median |error| of fx in % over {trials} trials (failures in brackets)", study.name())?;
     let heads = ["rotating", "lin. full", "lin. zero", "nonl. full", "nonl. zero", "groundcal", "bound"];
-    write!(w, "{:>8}{:>8}{:>9}", "matches", "axis m", unit)?;
+    write!(w, "{:>8}{:>6}{:>8}{:>9}", "matches", "rolls", "axis m", unit)?;
     for head in heads {
         write!(w, "{head:>14}")?;
     }
     writeln!(w, "{:>12}{:>8}", "rmse/bound", "95 %")?;
     for row in rows {
         let c = &row.condition;
-        write!(w, "{:>8}{:>8}{:>9}", c.matches, c.offset_m, c.value)?;
+        let s = &c.setting;
+        write!(w, "{:>8}{:>6}{:>8}{:>9}", s.matches, s.attitudes.short(), c.offset_m, c.value)?;
         for (index, ..) in curves() {
             let s = &row.summaries[index];
             write!(w, "{:>14}", with_failures(s.quartiles_percent[1], s.failures))?;
@@ -264,7 +274,7 @@ mod tests {
         const WIDER: f64 = 1.1;
         for study in Study::ALL {
             let row = |condition| Row { condition, fewest_matches: 0, summaries: vec![summarise_bound(&[]); 9] };
-            let rows: Vec<Row> = study.conditions().into_iter().map(row).collect();
+            let rows: Vec<Row> = study.conditions(&Asked::default()).into_iter().map(row).collect();
             let canvas = figure(study, &rows, 100_000).layout();
             let texts = canvas.texts(WIDER);
             for (i, text) in texts.iter().enumerate() {

@@ -14,6 +14,7 @@ use crate::{
             BLUE, DASHED, HALF_NORMAL_MEDIAN, RED, SKY, SPREAD, StudyOutput, empty_curves, signed, spread_record,
             style, trials, two_a_row,
         },
+        setting::{Asked, NOISE_PX, SETTING, Setting},
         subset::{MOTIONS, PARTS, Ranked, SIZES, Trial, part, trial},
     },
     tables::{csv, six_digits_trimmed},
@@ -31,6 +32,7 @@ struct Part {
 
 /// Subsets of one size.
 struct OfSize {
+    setting: Setting,
     size: usize,
     parts: Vec<Part>,
     /// On one subset a scene.
@@ -45,22 +47,27 @@ struct OfSize {
 ///
 /// # Errors
 /// [`LabError::Other`] when the table cannot be written.
-pub fn run(count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
-    progress.begin("subsets", SIZES.len() as u64 * u64::from(count));
-    let sizes: Vec<OfSize> = SIZES
+pub fn run(asked: &Asked, count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
+    // Few matches say nothing new of choosing among subsets.
+    let settings = Asked { matches: asked.matches.or(Some(Setting::default().matches)), ..*asked }.settings();
+    let noise_px = asked.noise_px.unwrap_or(NOISE_PX);
+    progress.begin("subsets", (settings.len() * SIZES.len()) as u64 * u64::from(count));
+    let sizes: Vec<OfSize> = settings
         .iter()
-        .map(|&size| {
-            let all: Vec<Trial> = trials(count, progress, |i| trial(size, seed, i))?.into_iter().flatten().collect();
-            Ok(summarise(size, &all))
+        .flat_map(|&setting| SIZES.map(|size| (setting, size)))
+        .map(|(setting, size)| {
+            let all = trials(count, progress, |i| trial(size, setting, noise_px, seed, i))?;
+            Ok(summarise(setting, size, &all.into_iter().flatten().collect::<Vec<_>>()))
         })
         .collect::<Result<_, LabError>>()?;
     progress.finish();
     Ok(StudyOutput { table: table(&sizes)?, figure: figure(&sizes, count), page: page(&sizes, count) })
 }
 
-fn summarise(size: usize, all: &[Trial]) -> OfSize {
+fn summarise(setting: Setting, size: usize, all: &[Trial]) -> OfSize {
     let mean_square = |v: &[f64]| (v.iter().map(|b| b * b).sum::<f64>() / v.len().max(1) as f64).sqrt();
     OfSize {
+        setting,
         size,
         parts: (0..PARTS).map(|index| part_of(index, all)).collect(),
         first_linear: spread(&all.iter().map(|t| t.first.linear).collect::<Vec<_>>()),
@@ -90,32 +97,39 @@ fn table(sizes: &[OfSize]) -> Result<Vec<u8>, LabError> {
     for s in sizes {
         for p in &s.parts {
             for (method, spread) in [("linear", &p.linear), ("weighted", &p.weighted)] {
-                let mut record = vec!["subsets".into(), s.size.to_string(), six_digits_trimmed(p.place_percent)];
-                record.extend([six_digits_trimmed(p.predicted_percent), method.into()]);
+                let mut record = vec!["subsets".into(), s.size.to_string()];
+                record.extend(s.setting.record());
+                record.extend([
+                    six_digits_trimmed(p.place_percent),
+                    six_digits_trimmed(p.predicted_percent),
+                    method.into(),
+                ]);
                 record.extend(spread_record(spread));
                 records.push(record);
             }
         }
     }
-    csv(&[&["study", "size", "place_percent", "predicted_percent", "method"][..], &SPREAD].concat(), &records)
+    let head = [&["study", "size"][..], &SETTING, &["place_percent", "predicted_percent", "method"], &SPREAD];
+    csv(&head.concat(), &records)
 }
 
 fn page(sizes: &[OfSize], count: u32) -> String {
     let mut page = format!(
         "subsets of {MOTIONS} motions: errors of fx in % over {count} scenes; first the paper's linear method and the weighted one on \
-         one subset a scene\n{:>6}{:>12}{:>12}{:>10}{:>12}{:>12}{:>10}{:>10}{:>14}\n",
-        "size", "linear mean", "sd", "failures", "weight. mean", "sd", "failures", "bound", "correlation"
+         one subset a scene\n{:>6}{:>6}{:>12}{:>12}{:>10}{:>12}{:>12}{:>10}{:>10}{:>14}\n",
+        "rolls", "size", "linear mean", "sd", "failures", "weight. mean", "sd", "failures", "bound", "correlation"
     );
     let mut best = format!(
-        "{:>6}{:>22}{:>22}{:>22}   median |error| of the weighted method\n",
-        "size", "surest 5 %", "middle", "least sure 5 %"
+        "{:>6}{:>6}{:>22}{:>22}{:>22}   median |error| of the weighted method\n",
+        "rolls", "size", "surest 5 %", "middle", "least sure 5 %"
     );
     for s in sizes {
         let (linear, weighted) = (&s.first_linear, &s.first_weighted);
         // Writing to a string cannot fail.
         let _ = writeln!(
             page,
-            "{:>6}{:>12}{:>12}{:>10}{:>12}{:>12}{:>10}{:>10.3}{:>14.2}",
+            "{:>6}{:>6}{:>12}{:>12}{:>10}{:>12}{:>12}{:>10}{:>10.3}{:>14.2}",
+            s.setting.attitudes.short(),
             s.size,
             signed(linear.mean_percent),
             signed(linear.deviation_percent),
@@ -127,7 +141,8 @@ fn page(sizes: &[OfSize], count: u32) -> String {
             s.correlation,
         );
         let [first, middle, last] = [0, PARTS / 2, PARTS - 1].map(|i| s.parts[i].weighted.absolute_percent[1]);
-        let _ = writeln!(best, "{:>6}{first:>22.3}{middle:>22.3}{last:>22.3}", s.size);
+        let _ =
+            writeln!(best, "{:>6}{:>6}{first:>22.3}{middle:>22.3}{last:>22.3}", s.setting.attitudes.short(), s.size);
     }
     page.push_str(&best);
     page.push('\n');
@@ -144,7 +159,7 @@ fn panel(of_size: &OfSize, styles: &[Style; 3]) -> Panel {
         let [lower, _, upper] = p.weighted.absolute_percent;
         curves[1].band.push([p.place_percent, lower, upper]);
     }
-    Panel { title: format!("subsets of {} motions", of_size.size), curves }
+    Panel { title: format!("{} motions; {}", of_size.size, of_size.setting.words()), curves }
 }
 
 fn figure(sizes: &[OfSize], count: u32) -> Figure {
@@ -162,7 +177,7 @@ fn figure(sizes: &[OfSize], count: u32) -> Figure {
             (styles[2], "predicted without truth".into()),
         ],
         notes: vec![
-            format!("Medians over {count} scenes of twelve motions, 1 px, 200 matches a motion, zero skew; a failure"),
+            format!("Medians over {count} scenes of twelve motions, zero skew; a failure"),
             "counts as infinite; bands: quartiles.".into(),
         ],
     }

@@ -13,7 +13,8 @@ use crate::{
             BLACK, BLUE, DOTTED, GREEN, HALF_NORMAL_MEDIAN, ORANGE, SPREAD, StudyOutput, empty_curves, spread_record,
             style, trials, two_a_row, with_failures,
         },
-        transfer::{AXIS_ERRORS_DEG, EQUAL_TURN_DEG, FIRST_TURN_DEG, MATCHES, Method, Setup, TURNS_DEG, trial},
+        setting::{Asked, NOISE_PX, SETTING, Setting},
+        transfer::{AXIS_ERRORS_DEG, EQUAL_TURN_DEG, FIRST_TURN_DEG, Method, Setup, TURNS_DEG, trial},
     },
     tables::{csv, six_digits_trimmed},
 };
@@ -35,7 +36,7 @@ struct Condition {
 /// Conditions drawn as one curve a method.
 struct Series {
     varied: Varied,
-    matches: usize,
+    setting: Setting,
     points: Vec<Condition>,
 }
 
@@ -43,21 +44,24 @@ struct Series {
 ///
 /// # Errors
 /// [`LabError::Other`] when the table cannot be written.
-pub fn run(count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
-    let turning = |&m: &usize| (Varied::Turn, m, TURNS_DEG.map(|turn| (turn, Setup::turning(turn, m))).to_vec());
-    let stray = |&m: &usize| (Varied::AxisError, m, AXIS_ERRORS_DEG.map(|e| (e, Setup::off_axis(e, m))).to_vec());
-    let conditions = MATCHES.len() * (TURNS_DEG.len() + AXIS_ERRORS_DEG.len());
+pub fn run(asked: &Asked, count: u32, seed: u64, progress: &dyn Progress) -> Result<StudyOutput, LabError> {
+    let (settings, noise_px) = (asked.settings(), asked.noise_px.unwrap_or(NOISE_PX));
+    let turning =
+        |&s: &Setting| (Varied::Turn, s, TURNS_DEG.map(|turn| (turn, Setup::turning(turn, s, noise_px))).to_vec());
+    let stray =
+        |&s: &Setting| (Varied::AxisError, s, AXIS_ERRORS_DEG.map(|e| (e, Setup::off_axis(e, s, noise_px))).to_vec());
+    let conditions = settings.len() * (TURNS_DEG.len() + AXIS_ERRORS_DEG.len());
     progress.begin("transfer", conditions as u64 * u64::from(count));
     let run = |(x, setup): (f64, Setup)| -> Result<Condition, LabError> {
         Ok(Condition { x, setup, spreads: spreads(&setup, count, seed, progress)? })
     };
-    let series: Vec<Series> = MATCHES
+    let series: Vec<Series> = settings
         .iter()
         .map(turning)
-        .chain(MATCHES.iter().map(stray))
-        .map(|(varied, matches, setups)| {
+        .chain(settings.iter().map(stray))
+        .map(|(varied, setting, setups)| {
             let points = setups.into_iter().map(run).collect::<Result<_, _>>()?;
-            Ok(Series { varied, matches, points })
+            Ok(Series { varied, setting, points })
         })
         .collect::<Result<_, LabError>>()?;
     progress.finish();
@@ -85,22 +89,24 @@ fn table(series: &[Series]) -> Result<Vec<u8>, LabError> {
         };
         for Condition { setup, spreads, .. } in &s.points {
             for (method, spread) in Method::ALL.iter().zip(spreads) {
-                let Setup { first_turn_deg, turn_deg, axis_error_deg, matches } = *setup;
+                let Setup { first_turn_deg, turn_deg, axis_error_deg, setting, .. } = *setup;
                 let mut record = vec!["transfer".into(), varied.into(), number(first_turn_deg), number(turn_deg)];
-                record.extend([number(axis_error_deg), matches.to_string(), method.name().into()]);
+                record.push(number(axis_error_deg));
+                record.extend(setting.record());
+                record.push(method.name().into());
                 record.extend(spread_record(spread));
                 records.push(record);
             }
         }
     }
-    let head = ["study", "varied", "first_turn_deg", "turn_deg", "axis_error_deg", "matches", "method"];
-    csv(&[&head[..], &SPREAD].concat(), &records)
+    let head = ["study", "varied", "first_turn_deg", "turn_deg", "axis_error_deg"];
+    csv(&[&head[..], &SETTING, &["method"], &SPREAD].concat(), &records)
 }
 
 fn page(series: &[Series], count: u32) -> String {
     let mut page = format!(
-        "transfer: median |error| of fx in % over {count} trials (failures in brackets)\n{:>8}{:>11}{:>10}{:>10}",
-        "matches", "axis error", "1st turn", "others"
+        "transfer: median |error| of fx in % over {count} trials (failures in brackets)\n{:>8}{:>6}{:>11}{:>10}{:>10}",
+        "matches", "rolls", "axis error", "1st turn", "others"
     );
     // Writing to a string cannot fail.
     for method in Method::ALL {
@@ -108,8 +114,9 @@ fn page(series: &[Series], count: u32) -> String {
     }
     page.push('\n');
     for Condition { setup, spreads, .. } in series.iter().flat_map(|s| &s.points) {
-        let Setup { first_turn_deg, turn_deg, axis_error_deg, matches } = *setup;
-        let _ = write!(page, "{matches:>8}{axis_error_deg:>11}{first_turn_deg:>10}{turn_deg:>10}");
+        let Setup { first_turn_deg, turn_deg, axis_error_deg, setting, .. } = *setup;
+        let _ = write!(page, "{:>8}{:>6}", setting.matches, setting.attitudes.short());
+        let _ = write!(page, "{axis_error_deg:>11}{first_turn_deg:>10}{turn_deg:>10}");
         for s in spreads {
             let _ = write!(page, "{:>18}", with_failures(s.absolute_percent[1], s.failures));
         }
@@ -130,10 +137,10 @@ fn panel(series: &Series, styles: &[Style; 4]) -> Panel {
             }
         }
     }
-    let matches = series.matches;
+    let words = series.setting.words();
     let title = match series.varied {
-        Varied::Turn => format!("others turn by x degrees; {matches} matches"),
-        Varied::AxisError => format!("axes x degrees off, turns of {EQUAL_TURN_DEG}; {matches} matches"),
+        Varied::Turn => format!("others turn by x; {words}"),
+        Varied::AxisError => format!("axes x off; {words}"),
     };
     Panel { title, curves }
 }
@@ -160,9 +167,11 @@ fn figure(series: &[Series], count: u32) -> Figure {
         legend: styles.into_iter().zip(labels).map(|(s, label)| (s, label.to_string())).collect(),
         notes: vec![
             format!(
-                "Upper row: the first motion turns by {FIRST_TURN_DEG} degrees. Zero skew, three attitudes. Median of |error|"
+                "Others turn by x: the first motion turns by {FIRST_TURN_DEG} degrees. Axes x off: all turn by {EQUAL_TURN_DEG}. Zero skew, three attitudes."
             ),
-            format!("over {count} trials, a failure counting as infinite; bands: quartiles. The bound knows the axes."),
+            format!(
+                "Median of |error| over {count} trials, a failure counting as infinite; bands: quartiles. The bound knows the axes."
+            ),
         ],
     }
 }

@@ -92,7 +92,8 @@ fn headline(c: &Calibration, model: &Model) -> String {
         escape(c.constraint.name()),
         match c.method {
             Method::Joint => "joint refinement",
-            Method::Linear => "linear method",
+            Method::Linear => "linear method, weighted and polished",
+            Method::Kzr => "linear method as published",
             Method::Rotating => "rotating-camera method",
         },
     )

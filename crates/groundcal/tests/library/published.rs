@@ -1,0 +1,120 @@
+//! The method as Knight, Zisserman & Reid published it (`Method::Kzr`): exact data, the three steps done by hand, its error bars.
+
+use groundcal::{
+    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
+    error::Error,
+    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
+    numerics::linalg::{ComplexPoint, complex_pair_eigen},
+    pairs::{
+        correspondence::{ImagePair, PointMatch},
+        dlt::direct_linear_transformation,
+    },
+    result::Calibration,
+    start::absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
+    synthetic::points::PointScene,
+};
+use rayon::prelude::*;
+
+fn options(homographies: HomographyFit) -> Options {
+    Options {
+        method: Method::Kzr,
+        homographies,
+        constraint: Constraint::ZeroSkew,
+        pairs: Some(vec![(0, 1), (2, 3), (4, 5)]),
+        attitude_sigma_deg: Some(0.0),
+        ..Options::default()
+    }
+}
+
+fn calibrated(scene: &PointScene, options: &Options) -> Result<Calibration, Error> {
+    let names: Vec<String> = (0..2 * scene.motions.len()).map(|i| i.to_string()).collect();
+    let matches: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    calibrate_matches(&names, scene.size, &matches, options, &Silent)
+}
+
+fn numbers(k: &Intrinsics) -> [f64; 5] {
+    [k.fx, k.fy, k.cx, k.cy, k.skew]
+}
+
+const BOTH: [HomographyFit; 2] = [HomographyFit::Linear, HomographyFit::NonLinear];
+
+#[test]
+fn exact_matches_give_the_exact_camera() {
+    for homographies in BOTH {
+        for constraint in [Constraint::Full, Constraint::ZeroSkew] {
+            let scene = PointScene { sigma_px: 0.0, ..PointScene::nominal(4) };
+            let c = calibrated(&scene, &Options { constraint, ..options(homographies) }).unwrap();
+            for (found, truth) in numbers(&c.camera.intrinsics()).iter().zip(numbers(&scene.intrinsics)) {
+                assert!((found - truth).abs() < 1e-6, "{homographies:?} {constraint:?}: {found} {truth}");
+            }
+            assert_eq!((c.method, c.constraint, c.scene), (Method::Kzr, constraint, None));
+        }
+    }
+}
+
+/// Linear homographies of the matches on the plane, their eigenvectors, one linear system, Cholesky: nothing else.
+#[test]
+fn the_answer_is_that_of_the_three_steps() {
+    for seed in 0..5 {
+        let scene = PointScene::nominal(seed);
+        let c = calibrated(&scene, &options(HomographyFit::Linear)).unwrap();
+        let frame = Frame::new(scene.size, None);
+        let points: Vec<ComplexPoint> = (c.evidence.pairs.iter())
+            .map(|pair| {
+                let accepted = pair.matches.iter().filter(|m| m.accepted);
+                let local = |p: [f64; 2]| frame.from_pixel(&p.into());
+                let matches: Vec<PointMatch> =
+                    accepted.map(|m| PointMatch::new(local(m.a).into(), local(m.b).into())).collect();
+                let (h, _) = direct_linear_transformation(&matches).unwrap();
+                complex_pair_eigen(&h).unwrap().complex_right
+            })
+            .collect();
+        let by_hand = solve_unweighted(&points, Constraint::ZeroSkew, 1.0).unwrap();
+        let by_hand = frame.intrinsics_to_pixel(&intrinsics_of(&by_hand));
+        for (found, expected) in numbers(&c.camera.intrinsics()).iter().zip(numbers(&by_hand)) {
+            assert!((found - expected).abs() < 1e-7, "{seed}: {found} {expected}");
+        }
+        // The weighted and polished method answers otherwise.
+        let linear = Options { method: Method::Linear, lens: LensModel::None, ..options(HomographyFit::NonLinear) };
+        let apart = calibrated(&scene, &linear).unwrap().camera.fx - c.camera.fx;
+        assert!(apart.abs() > 1e-3, "{seed}: {apart}");
+    }
+}
+
+#[test]
+fn its_intervals_hold_the_truth() {
+    const TRIALS: u64 = 600;
+    for homographies in BOTH {
+        let held: [f64; 4] = (0..TRIALS)
+            .into_par_iter()
+            .map(|seed| {
+                let scene = PointScene::nominal(seed);
+                let c = calibrated(&scene, &options(homographies)).unwrap();
+                let s = &c.standard_deviation;
+                let (k, truth) = (numbers(&c.camera.intrinsics()), numbers(&scene.intrinsics));
+                let sigma = [s.fx, s.fy, s.cx, s.cy].map(Option::unwrap);
+                std::array::from_fn(|i| f64::from((k[i] - truth[i]).abs() <= 1.96 * sigma[i]) / TRIALS as f64)
+            })
+            .reduce(|| [0.0; 4], |a, b| std::array::from_fn(|i| a[i] + b[i]));
+        println!("{homographies:?}: 95 % intervals of fx, fy, cx, cy held {held:.3?}");
+        // Sampling error 0.9 %.
+        assert!(held.iter().all(|share| (0.92..=0.98).contains(share)), "{held:?}");
+    }
+}
+
+#[test]
+fn what_it_has_no_word_for_is_refused() {
+    let scene = PointScene::nominal(1);
+    let refused = |options: Options| match calibrated(&scene, &options) {
+        Err(Error::InvalidOption(text)) => assert!(text.contains("kzr"), "{text}"),
+        other => panic!("{other:?}"),
+    };
+    let kzr = || options(HomographyFit::NonLinear);
+    refused(Options { distortion: Lens::radial(-0.1, 0.0), ..kzr() });
+    refused(Options { height_sigma: Some(0.0), ..kzr() });
+    refused(Options { motion: MotionModel::Turning, ..kzr() });
+    refused(Options { method: Method::Joint, ..options(HomographyFit::Linear) });
+    // Two motions for the five unknowns.
+    let full = Options { constraint: Constraint::Full, pairs: Some(vec![(0, 1), (2, 3)]), ..kzr() };
+    assert!(matches!(calibrated(&scene, &full), Err(Error::TooFewAttitudes { needed: 3, .. })));
+}
