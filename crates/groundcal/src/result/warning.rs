@@ -267,17 +267,7 @@ impl Warning {
                                       several per cent)"
                     .into()
             }
-            Warning::SingleAttitude { motions, doubt } => {
-                let what = match doubt {
-                    None => "f depends on where the principal point is held".to_string(),
-                    Some(d) => format!(
-                        "the principal point can move along ({:.2}, {:.2}) by +-{:.1} px (one standard deviation), held there by the \
-                         prior and the lens alone, and fx with it by {:.2} %",
-                        d.direction[0], d.direction[1], d.sigma_px, d.f_percent
-                    ),
-                };
-                format!("{motions} motion{} of one attitude: {what}", if *motions == 1 { "" } else { "s" })
-            }
+            Warning::SingleAttitude { motions, doubt } => of_one_attitude(*motions, doubt.as_ref()),
             Warning::FloorsContradict { agree, contradict } => format!(
                 "{contradict} pairs of images of different attitudes share a plane that cannot be the floor of both, {agree} one that \
                  can: the motions found may be a coincidence among views that tilt freely, and the camera wrong by more than its \
@@ -313,12 +303,7 @@ impl Warning {
             Warning::FisheyeLens { .. } => "the lens is a fisheye's (equidistant, Kannala and Brandt): the images are a thousand times likelier with it \
                  than with the lens of Brown and Conrady, and its k1, k2 and k3 were estimated (as `cv2.fisheye` has them)"
                 .to_string(),
-            Warning::FocalLengthUnexpected { stated_px, percent } => format!(
-                "the pictures state a focal length (Exif) of {stated_px:.0} px; the one found is {:.0} % {}: one of the two is wrong, or the pictures \
-                 were cropped",
-                percent.abs(),
-                if *percent > 0.0 { "longer" } else { "shorter" }
-            ),
+            Warning::FocalLengthUnexpected { stated_px, percent } => unexpected(*stated_px, *percent),
             Warning::LensOffAxis { percent_of_distance, fx_percent } => format!(
                 "the images are those of a camera turning on the spot, but show parallax: the lens was off the axis of turning, by about \
                  {percent_of_distance:.2} % of the distance of what it saw. fx may be wrong by {fx_percent:.2} % for it, which is in its error bar"
@@ -401,6 +386,29 @@ impl Warning {
     pub fn message(&self, wording: &dyn Wording) -> String {
         sentence(&self.finding(), &self.remedies(), wording)
     }
+}
+
+/// What is said of motions of one attitude.
+fn of_one_attitude(motions: usize, doubt: Option<&PrincipalPointDoubt>) -> String {
+    let what = match doubt {
+        None => "f depends on where the principal point is held".to_string(),
+        Some(d) => format!(
+            "the principal point can move along ({:.2}, {:.2}) by +-{:.1} px (one standard deviation), held there by the prior and the lens \
+             alone, and fx with it by {:.2} %",
+            d.direction[0], d.direction[1], d.sigma_px, d.f_percent
+        ),
+    };
+    format!("{motions} motion{} of one attitude: {what}", if motions == 1 { "" } else { "s" })
+}
+
+/// What is said of a focal length that is not the one stated.
+fn unexpected(stated_px: f64, percent: f64) -> String {
+    format!(
+        "the pictures state a focal length (Exif) of {stated_px:.0} px; the one found is {:.0} % {}: one of the two is wrong, or the pictures were \
+         cropped",
+        percent.abs(),
+        if percent > 0.0 { "longer" } else { "shorter" }
+    )
 }
 
 /// In what pictures depart from each other.
