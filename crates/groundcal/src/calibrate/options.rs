@@ -173,6 +173,11 @@ impl Options {
                 return fail(format!("principal point ({x}, {y}) is not near an image of {size} pixels"));
             }
         }
+        if let Some(px) = self.stated_focal_px
+            && !(px.is_finite() && px > 0.0)
+        {
+            return fail(format!("a stated focal length of {px} pixels must be positive"));
+        }
         if let Some(a) = self.aspect
             && !(a.is_finite() && (0.1..=10.0).contains(&a))
         {
@@ -398,6 +403,16 @@ impl Options {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_stated_focal_length_is_one() {
+        let validated =
+            |px| Options { stated_focal_px: Some(px), ..Options::default() }.validate(ImageSize::new(640, 480));
+        for px in [0.0, -500.0, f64::NAN, f64::INFINITY] {
+            assert!(matches!(validated(px), Err(Error::InvalidOption(_))), "{px}");
+        }
+        assert_eq!(validated(500.0), Ok(()));
+    }
 
     #[test]
     fn what_is_not_estimated_is_refused_before_any_work() {
