@@ -1,4 +1,5 @@
-//! The Huffman codes of one sequential scan (ITU-T T.81, annex F), counted and not turned into pixels.
+//! The Huffman codes of one sequential scan, or of the first of a progressive one (ITU-T T.81, annexes F and G), counted and not turned
+//! into pixels.
 
 /// Bits that the first look at a code takes.
 const FAST_BITS: u32 = 9;
@@ -65,6 +66,8 @@ pub(crate) struct Scan<'a> {
     /// Greatest `h` and `v` of the picture.
     pub(crate) largest: [usize; 2],
     pub(crate) restart_interval: usize,
+    /// Whether it has the means of the blocks only, as the first of a progressive picture.
+    pub(crate) means_only: bool,
     /// Each with its tables of the first and of the other coefficients.
     pub(crate) components: Vec<(Component, &'a HuffmanTable, &'a HuffmanTable)>,
 }
@@ -160,6 +163,21 @@ impl Scan<'_> {
         (width.div_ceil(8 * h_max) * height.div_ceil(8 * v_max), blocks)
     }
 
+    /// Rows of the picture that are surely sound where data end, or cease to make sense, after this part of the units. The row of units before
+    /// that place is left out too: bits at a cut, and those behind a damage, may go on making sense for a while.
+    pub(crate) fn sound_rows(&self, part: f64) -> usize {
+        let (units, _) = self.units();
+        let [width, height] = self.size;
+        let [h_max, v_max] = self.largest;
+        // Pixels of a unit: of a scan of one component a block, which stands for several of the picture where the component is coarser.
+        let [across, down] = match self.components[..] {
+            [(c, ..)] => [8 * h_max / c.h, 8 * v_max / c.v],
+            _ => [8 * h_max, 8 * v_max],
+        };
+        let whole = (part * units as f64).round() as usize / width.div_ceil(across).max(1);
+        (whole.saturating_sub(1) * down).min(height)
+    }
+
     /// Reads the data.
     pub(crate) fn read(&self, bytes: &[u8]) -> ScanEnd {
         let (units, blocks) = self.units();
@@ -179,7 +197,7 @@ impl Scan<'_> {
             }
             for ((_, first, others), count) in self.components.iter().zip(&blocks) {
                 for _ in 0..*count {
-                    let sound = block(&mut bits, first, others);
+                    let sound = block(&mut bits, first, (!self.means_only).then_some(*others));
                     if bits.is_over() {
                         return ScanEnd::Early(part);
                     }
@@ -195,14 +213,15 @@ impl Scan<'_> {
     }
 }
 
-/// Reads one block; whether its codes make sense.
-fn block(bits: &mut Bits, first: &HuffmanTable, others: &HuffmanTable) -> bool {
+/// Reads one block: its mean, and its other coefficients if there are any; whether its codes make sense.
+fn block(bits: &mut Bits, first: &HuffmanTable, others: Option<&HuffmanTable>) -> bool {
     bits.fill();
     let Some((length, size)) = first.find(bits.peek16()) else { return false };
     if size > 16 {
         return false;
     }
     bits.skip(length + u32::from(size));
+    let Some(others) = others else { return true };
     let mut k = 1;
     while k < 64 {
         bits.fill();

@@ -63,24 +63,25 @@ struct Found {
 pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
     let stages = StageOptions::new(options, &source.traits);
     let (mut pairs, lens) = observe_pairs(source.pairs, &stages, observer)?;
+    let images = source.images.as_deref();
     let mut warnings = source.warnings;
-    warnings.extend(copies_counted_once(&mut pairs, source.names, source.images));
+    warnings.extend(copies_counted_once(&mut pairs, source.names, images));
     let selection = select_motions(&pairs, &lens, &stages, observer)?;
     let mut found = Found { pairs, lens, selection, amplification: None, warnings };
-    found = looked_at_again(found, source.images, &stages, observer)?;
+    found = looked_at_again(found, images, &stages, observer)?;
     observer.begin(Stage::Camera, 1);
     let solved = match solve(&found, &stages, observer) {
         // Where rotations do not hold in the end, it may have been motions over a floor.
         Err(Error::Unsound { .. }) if is_turning(&found.selection) && options.motion == MotionModel::Auto => {
             found.selection = select_plane_normal(&found.pairs, &stages.plane_normal, observer)?;
-            found = looked_at_again(found, source.images, &stages, observer)?;
+            found = looked_at_again(found, images, &stages, observer)?;
             solve(&found, &stages, observer)?
         }
         answer => answer?,
     };
     let Found { pairs, lens, selection, warnings, .. } = found;
     let calibration = assemble(&solved, &selection, &pairs, &lens, Names(source.names), &stages, warnings);
-    let unordered = source.images.is_some() && options.pairs.is_none();
+    let unordered = images.is_some() && options.pairs.is_none();
     let calibration = if unordered { in_order_of_images(calibration, &pairs) } else { calibration };
     observer.advance(Stage::Camera);
     one_account_at_most(&calibration)?;
