@@ -2,14 +2,15 @@
 //!
 //! Decoders fill what they cannot read with grey and call it a picture. Here the Huffman codes of a sequential JPEG (ITU-T T.81,
 //! annex F) are read again without making pixels: a whole file has exactly the blocks that its size asks for, and nothing after
-//! them but padding. Of a progressive file (annex G) the first scan is read, and its markers say whether every coefficient came to its last bit;
-//! a cut within the last scans takes away the last bits of some, which nobody sees.
+//! them but padding. Of a progressive file (annex G) the scans that are the first to bring the coefficients of the first component (brightness) are
+//! read, as a decoder makes a pattern of what is missing there, and its markers say whether every coefficient came to its last bit; a cut within
+//! the last scans takes away the last bits of some, which nobody sees.
 //!
 //! Frames of MJPEG films leave out the Huffman tables of annex K; they are put in.
 
 use std::borrow::Cow;
 
-use crate::images::jpeg_scan::{Component, HuffmanTable, Scan, ScanEnd};
+use crate::images::jpeg_scan::{Coefficients, Component, HuffmanTable, Scan, ScanEnd};
 
 /// How a file's picture stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -243,10 +244,17 @@ fn scan_of<'a>(body: &[u8], state: &'a State) -> Option<Scan<'a>> {
         return None;
     }
     let count = usize::from(*body.first()?);
-    // Of a progressive picture the first bits of the means.
-    if state.progressive && !matches!(body.get(1 + 2 * count..), Some(&[0, 0, bits, ..]) if bits >> 4 == 0) {
-        return None;
-    }
+    let coefficients = match body.get(1 + 2 * count..) {
+        _ if state.sequential => Coefficients::All,
+        Some(&[0, 0, bits, ..]) if bits >> 4 == 0 => Coefficients::Mean,
+        // Of the first component.
+        Some(&[from @ 1..=63, to @ 1..=63, bits, ..])
+            if bits >> 4 == 0 && state.components.first().map(|c| c.id) == body.get(1).copied() =>
+        {
+            Coefficients::Band(usize::from(from), usize::from(to))
+        }
+        _ => return None,
+    };
     let mut components = Vec::with_capacity(count);
     for part in body.get(1..1 + 2 * count)?.chunks_exact(2) {
         let component = state.components.iter().find(|c| c.id == part[0])?;
@@ -257,7 +265,7 @@ fn scan_of<'a>(body: &[u8], state: &'a State) -> Option<Scan<'a>> {
         size: state.size,
         largest: [state.components.iter().map(|c| c.h).max()?, state.components.iter().map(|c| c.v).max()?],
         restart_interval: state.restart_interval,
-        means_only: state.progressive,
+        coefficients,
         components,
     })
 }
