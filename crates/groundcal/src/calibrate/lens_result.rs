@@ -23,6 +23,11 @@ impl LensResult {
             (KnownLens::NotModelled, _) => held(LensSource::NotModelled, Lens::None),
             (KnownLens::Given(lens), _) => held(LensSource::Given, lens.lens),
             (KnownLens::Placed(placement), _) => held(LensSource::Given, placement.lens.lens),
+            // It acted about the centre that was assumed, in pixels: the coefficient is that of the focal length found.
+            (KnownLens::OfPairs(lens), _) => {
+                let placed = lens.with_focal_length(s.intrinsics.fx);
+                held(LensSource::Estimated, placed.map_or(Lens::None, |placed| placed.lens))
+            }
             (KnownLens::Estimated(_), Some(joint)) => {
                 // What is not estimated has no variance.
                 let sigma = |p: Parameter| Some((p, joint.covariance_of(p, p).sqrt())).filter(|(_, s)| *s > 0.0);

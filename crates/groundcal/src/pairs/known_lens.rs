@@ -61,6 +61,8 @@ pub(crate) enum KnownLens {
     Placed(LensPlacement),
     /// Estimated, or found to be none.
     Estimated(LensFinding),
+    /// Each pair had its own ([`crate::pairs::pair_lens`]); this is the one in their middle.
+    OfPairs(PlacedLens),
 }
 
 impl KnownLens {
@@ -68,7 +70,7 @@ impl KnownLens {
     pub(crate) fn lens(&self) -> Option<&PlacedLens> {
         match self {
             KnownLens::NotModelled => None,
-            KnownLens::Given(lens) => Some(lens),
+            KnownLens::Given(lens) | KnownLens::OfPairs(lens) => Some(lens),
             KnownLens::Placed(placement) => Some(&placement.lens),
             KnownLens::Estimated(finding) => finding.lens(),
         }
