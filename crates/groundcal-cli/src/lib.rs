@@ -120,7 +120,7 @@ enum Command {
     Plan(Box<plan::PlanArgs>),
     /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
     Simulate(simulate::SimulateArgs),
-    /// The four experiments of the paper on rendered scenes: tables of errors against exact truth
+    /// The experiments of the paper on rendered scenes: tables of errors against exact truth
     Experiment(experiment::ExperimentArgs),
     /// Metric bird's-eye pictures of the floor: of each view, or a mosaic of all
     Rectify(rectify::RectifyArgs),
