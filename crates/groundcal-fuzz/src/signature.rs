@@ -19,11 +19,11 @@ pub(crate) struct Signatures {
 impl Signatures {
     /// Whether the answer to an input has a signature that was not seen before.
     pub(crate) fn is_new(&mut self, answer: &str, input: &[u8]) -> bool {
-        let signature = signature(answer);
         if self.with_names.len() >= MOST_REMEMBERED {
             self.with_names.clear();
         }
-        self.with_names.insert(hash(&signature)) && self.known.insert(hash(&without_words_of(&signature, input)))
+        self.with_names.insert(hash(&signature(answer)))
+            && self.known.insert(hash(&signature(&without_words_of(answer, input))))
     }
 
     pub(crate) fn count(&self) -> usize {
@@ -37,16 +37,23 @@ fn hash(text: &str) -> u64 {
     hasher.finish()
 }
 
-/// The words that the input has too as one `"`: what is repeated of it is as good as endless.
+/// The words alone, those that the input has too as one `*`: what is repeated of it is as good as endless.
 fn without_words_of(text: &str, input: &[u8]) -> String {
+    let input = String::from_utf8_lossy(input);
+    let of_input: HashSet<&str> = words(&input).collect();
     let mut out = String::new();
-    for word in text.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty()) {
-        let word = if input.windows(word.len()).any(|w| w == word.as_bytes()) { "\"" } else { word };
-        if !(word == "\"" && out.ends_with("\" ")) {
+    for word in words(text) {
+        let word = if of_input.contains(word) { "*" } else { word };
+        if !(word == "*" && out.ends_with("* ")) {
             out.extend([word, " "]);
         }
     }
     out
+}
+
+/// Runs of letters.
+fn words(text: &str) -> impl Iterator<Item = &str> {
+    text.split(|c: char| !c.is_alphabetic()).filter(|word| !word.is_empty())
 }
 
 /// The answer with runs of digits as `0`, what is quoted or in parentheses as `"`, cut.
