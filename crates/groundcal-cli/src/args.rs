@@ -58,9 +58,13 @@ pub(crate) struct OverwriteArg {
 /// [`LensModel`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DistortionArg {
+    /// Brown-Conrady (`radtan`), or a fisheye's where the images reach far from the axis and are a thousand times likelier so
+    Auto,
     /// k1 and k2, with priors 0 +- 0.3, p1 and p2, with priors 0 +- 0.001: what the images do not tell of them stays at zero, with its
     /// error bar; k3 (prior 0 +- 0.3) where the residuals ask for it
-    Auto,
+    Radtan,
+    /// The equidistant fisheye of Kannala and Brandt, k1 to k4, of 180 degrees and more
+    Fisheye,
     /// Nothing: the lens has none
     None,
     /// k1, p1 and p2
@@ -74,6 +78,8 @@ impl From<DistortionArg> for LensModel {
         match value {
             DistortionArg::None => LensModel::None,
             DistortionArg::K1 => LensModel::K1,
+            DistortionArg::Radtan => LensModel::Radtan,
+            DistortionArg::Fisheye => LensModel::Fisheye,
             DistortionArg::Auto | DistortionArg::K1k2 => LensModel::K1K2,
         }
     }
@@ -86,7 +92,7 @@ pub(crate) enum MotionArg {
     Auto,
     /// Turns about the plane's normal, moved along the plane or not: you vouch that the camera did not tilt between the images of a motion
     PlaneNormal,
-    /// Any motion before one plane (not estimated yet)
+    /// Any motion before one plane, from hand-held pictures of a floor, a desk, a poster or a wall
     General,
     /// The camera turned on the spot, about any axes
     Turning,

@@ -99,8 +99,13 @@ pub(crate) fn constraints() -> Vec<(&'static str, Constraint)> {
 }
 
 /// The names of what is estimated of a lens.
-pub(crate) const LENS_MODELS: [(&str, LensModel); 3] =
-    [("none", LensModel::None), ("k1", LensModel::K1), ("k1k2", LensModel::K1K2)];
+pub(crate) const LENS_MODELS: [(&str, LensModel); 5] = [
+    ("none", LensModel::None),
+    ("k1", LensModel::K1),
+    ("k1k2", LensModel::K1K2),
+    ("radtan", LensModel::Radtan),
+    ("fisheye", LensModel::Fisheye),
+];
 const MOTIONS: [(&str, MotionModel); 4] = [
     ("auto", MotionModel::Auto),
     ("plane-normal", MotionModel::PlaneNormal),

@@ -92,8 +92,8 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_enum)]
     pub(crate) homographies: Option<HomographiesArg>,
 
-    /// Lens distortion: what is estimated of it (`none`: the error bars do not cover it)
-    #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
+    /// The lens: what is estimated of it (`none`: the error bars do not cover it)
+    #[arg(long = "lens", visible_alias = "distortion", value_enum, default_value_t = DistortionArg::Auto)]
     pub(crate) distortion: DistortionArg,
 
     /// Camera file (of groundcal, OpenCV, ROS, Kalibr, COLMAP, nerfstudio) whose lens is known, of any model, fisheyes too: its

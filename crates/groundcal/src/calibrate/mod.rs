@@ -11,6 +11,7 @@ mod departures;
 mod driver;
 mod evidence;
 mod fisheye;
+mod general;
 mod joint;
 mod lens;
 mod lens_result;

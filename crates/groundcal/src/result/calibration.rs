@@ -9,7 +9,7 @@ use crate::{
         parameters::{Parameter, PriorParameter},
     },
     result::{
-        camera::{Camera, Method, Prior, Scene},
+        camera::{Camera, Method, MotionKind, Prior, Scene},
         covariance::{Covariance, StandardDeviation},
         evidence::Evidence,
         fit::Fit,
@@ -21,7 +21,7 @@ use crate::{
 };
 
 /// The version of [`Calibration::schema_version`] that is written; older ones are read.
-pub const SCHEMA_VERSION: u32 = 4;
+pub const SCHEMA_VERSION: u32 = 5;
 /// The version of [`Calibration::format_version`] that is written and read.
 pub const FORMAT_VERSION: u32 = 1;
 /// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it.
@@ -87,6 +87,9 @@ pub struct Calibration {
     pub method: Method,
     /// What the points were taken for; `None` for the linear method.
     pub scene: Option<Scene>,
+    /// What the camera was taken to do between the pictures used; `None`: a file of an earlier version.
+    #[serde(default)]
+    pub motion: Option<MotionKind>,
     /// Height of the origins' optical centres in metres where positions are in metres ([`Calibration::with_camera_height`]); `None`:
     /// that height is the unit of length.
     pub camera_height_m: Option<f64>,

@@ -30,7 +30,7 @@ pub mod warning;
 
 pub use crate::geometry::parameters::{Parameter, PriorParameter};
 pub use calibration::{Calibration, PixelCentre};
-pub use camera::{Camera, DistortionReport, LensSource, Method, Prior, PriorConflict, Scene};
+pub use camera::{Camera, DistortionReport, LensSource, Method, MotionKind, Prior, PriorConflict, Scene};
 pub use covariance::{Covariance, StandardDeviation};
 pub use fit::{Fit, Refinement, ResidualReport};
 pub use motions::{MotionDiagnosis, MotionReport, MotionVerdict};
