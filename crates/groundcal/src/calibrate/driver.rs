@@ -51,6 +51,10 @@ const SETTLED: f64 = 1e-6;
 /// Views from which on general motion is tried unasked: of three the equations for a focal length and a normal leave one to check them by.
 const FEWEST_VIEWS_UNASKED: usize = 4;
 
+/// Deviation of attitudes, radians (1 degree), from which on views of one plane are better taken for what they may be, views from anywhere. (Of 47
+/// answers to general motion as turns about a normal 44 had more.)
+const GENERAL_ATTITUDE_SIGMA_RAD: f64 = 0.0175;
+
 /// What is known before the camera is.
 struct Found {
     pairs: Vec<PairObservation>,
@@ -79,22 +83,34 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
         let found = Found { pairs, lens, selection, amplification: None, warnings };
         camera_of(found, source.images, &stages, observer)
     });
-    let (solved, found) = match (answer, again) {
-        (Err(error), Some((pairs, lens, warnings))) if error.is_degenerate() => {
-            of_general_motion(pairs, lens, warnings, source.images, &stages, observer).map_err(|other| match other {
-                Error::Stopped => Error::Stopped,
-                _ => error,
-            })?
+    let strays = answer.as_ref().is_ok_and(|(solved, _)| strays_as_in_general_motion(solved));
+    let traits = (source.names, source.images);
+    let answer = answer.and_then(|(solved, found)| reported(&solved, found, traits, &stages));
+    let doubtful = strays || answer.as_ref().is_err_and(Error::is_degenerate);
+    if let Some((pairs, lens, warnings)) = again.filter(|_| doubtful) {
+        let general = of_general_motion(pairs, lens, warnings, source.images, &stages, observer)
+            .and_then(|(solved, found)| reported(&solved, found, traits, &stages));
+        if matches!(general, Ok(_) | Err(Error::Stopped)) {
+            observer.advance(Stage::Camera);
+            return general;
         }
-        (answer, _) => answer?,
-    };
-    let Found { pairs, lens, selection, warnings, .. } = found;
-    let calibration = assemble(&solved, &selection, &pairs, &lens, Names(source.names), &stages, warnings);
-    let unordered = source.images.is_some() && options.pairs.is_none();
-    let calibration = if unordered { in_order_of_images(calibration, &pairs) } else { calibration };
+    }
     observer.advance(Stage::Camera);
+    answer
+}
+
+/// What is reported of a camera, and whether it may be.
+fn reported(
+    solved: &Solved,
+    found: Found,
+    (names, images): (&[String], Option<&[GrayImage]>),
+    stages: &StageOptions<'_>,
+) -> Result<Calibration, Error> {
+    let Found { pairs, lens, selection, warnings, .. } = found;
+    let calibration = assemble(solved, &selection, &pairs, &lens, Names(names), stages, warnings);
     one_account_at_most(&calibration)?;
-    Ok(calibration)
+    let unordered = images.is_some() && stages.options.pairs.is_none();
+    Ok(if unordered { in_order_of_images(calibration, &pairs) } else { calibration })
 }
 
 /// The camera of the motions selected first: plane-normal ones, or those of a camera turning on the spot.
@@ -116,6 +132,11 @@ fn camera_of(
         answer => answer?,
     };
     Ok((solved, found))
+}
+
+/// Whether attitudes stray from those of turns about the floor's normal by more than those of any carrier do.
+fn strays_as_in_general_motion(solved: &Solved) -> bool {
+    solved.solution.attitude_sigma_estimated && solved.solution.attitude_sigma_rad > GENERAL_ATTITUDE_SIGMA_RAD
 }
 
 /// Whether general motion is tried before giving up: nobody said what the motion was, or held what only other motions need.
@@ -143,7 +164,12 @@ fn of_general_motion(
         return too_few(&pairs);
     }
     let found = Found { pairs, lens, selection, amplification: None, warnings };
+    if images.is_some() {
+        // What its features contradict is not worth patches.
+        solve(&found, stages, observer)?;
+    }
     let found = looked_at_again(found, images, stages, observer)?;
+    observer.begin(Stage::Camera, 1);
     let solved = solve(&found, stages, observer)?;
     if images_of(&solved.used, &found.pairs).len() < enough {
         return too_few(&found.pairs);

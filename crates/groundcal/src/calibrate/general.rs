@@ -43,6 +43,9 @@ use super::departures::departures_found;
 const BOTH_POSSIBLE: f64 = 9.0;
 /// Distance of two minima's focal lengths, in deviations of the better, from which on they are two.
 const DIFFERENT: f64 = 4.0;
+/// Least distance between optical centres, in distances from the plane, with which there is a plane to be seen: that of a lens off the axis of a
+/// head by 2 cm, 1 m above a floor.
+const LEAST_MOVED: f64 = 0.02;
 /// Largest variance of the residuals in units of the matching noise: of bent boards it is up to 2, of a street corner 24.
 const MAX_VARIANCE: f64 = 5.0;
 /// Largest design effect of the residuals: of bent boards it is up to 5, of scenes of the bench that are not one plane 14 to 50.
@@ -90,9 +93,10 @@ pub(super) fn solve_general(
     )?;
     let refined = matter.refined(joint, solution_of(&best, stages), options);
     let refined = release_contradicted_priors(&matter, refined)?;
-    check_spread(&refined.joint.bundle.state)?;
+    check_spread(&refined.joint.bundle.state, stages)?;
     check_soundness(&refined.joint, stages.size)?;
     check_one_plane(&refined.joint)?;
+    check_moved(&refined.joint)?;
     let constraint = stages.options.constraint;
     if let Some(uncertain) = what_is_uncertain(&refined.joint.camera_covariance(), &stages.frame) {
         return Err(Error::Undetermined {
@@ -178,7 +182,7 @@ fn best_of(
         return Err(unsound("no camera makes views of one plane of the homographies".into()));
     }
     if let [state, ..] = starts.as_slice() {
-        check_spread(state)?;
+        check_spread(state, stages)?;
     }
     let scene = SceneModel::Floor;
     // Evidences are compared on the same points.
@@ -264,8 +268,25 @@ fn check_one_plane(joint: &Joint) -> Result<(), Error> {
     })
 }
 
+/// Refuses a camera that turned on the spot: then any plane will do, and what is said of it is made up.
+fn check_moved(joint: &Joint) -> Result<(), Error> {
+    let centres: Vec<Vector3<f64>> = joint.bundle.views.iter().flatten().map(|view| view.centre).collect();
+    let farthest = centres.iter().flat_map(|a| centres.iter().map(move |b| (a - b).norm())).fold(0.0, f64::max);
+    if farthest >= LEAST_MOVED {
+        return Ok(());
+    }
+    Err(Error::Unsound {
+        reason: format!(
+            "the camera turned on the spot: as views of one plane its optical centres are within {:.1} % of its distance from it, and such \
+             views show no plane",
+            100.0 * farthest
+        ),
+        remedies: vec![Remedy::MoreViews, Remedy::TurnAboutOpticalCentre],
+    })
+}
+
 /// Refuses views that are all tilted alike: whatever the focal length, the plane is seen as it is.
-fn check_spread(state: &State) -> Result<(), Error> {
+fn check_spread(state: &State, stages: &StageOptions<'_>) -> Result<(), Error> {
     let ups: Vec<Vector3<f64>> = state.groups.iter().map(|g| g.attitude.column(2).into_owned()).collect();
     let angle = |a: &Vector3<f64>, b: &Vector3<f64>| a.cross(b).norm().atan2(a.dot(b));
     let spread = ups.iter().flat_map(|a| ups.iter().map(move |b| angle(a, b))).fold(0.0, f64::max).to_degrees();
@@ -279,7 +300,7 @@ fn check_spread(state: &State) -> Result<(), Error> {
         format!("the camera was tilted alike to the plane in all views (within {spread:.1} degrees)")
     };
     Err(Error::Undetermined {
-        constraint: "general motion",
+        constraint: stages.options.constraint.name(),
         direction: format!("{what}: without a change of tilt the focal length does not show, whatever else moved"),
         remedies: vec![Remedy::TiltOrRoll { deg: 30.0 }, Remedy::VouchPlaneNormal],
     })

@@ -6,7 +6,10 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::{
-    geometry::{camera::Camera, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
+    geometry::{
+        attitude::angles_from_rotation, camera::Camera, intrinsics::Intrinsics, lens::Lens, plane_view::View,
+        size::ImageSize,
+    },
     pairs::correspondence::{ImagePair, PointMatch},
 };
 
@@ -38,10 +41,8 @@ pub struct PlaneViewScene {
 pub struct PlaneViews {
     /// Matches of all pairs of views that share six points or more; a point has the same coordinates in all pairs of a view.
     pub pairs: Vec<ImagePair>,
-    /// Camera from plane coordinates of each view.
-    pub rotations: Vec<Matrix3<f64>>,
-    /// Optical centre of each view over the plane.
-    pub centres: Vec<Vector3<f64>>,
+    /// Where each view was taken from.
+    pub views: Vec<View>,
     /// The points.
     pub points: Vec<Vector2<f64>>,
     /// Which points each view sees.
@@ -81,13 +82,7 @@ impl PlaneViewScene {
         };
         let (w, h) = (self.size.width as f64, self.size.height as f64);
         let inside = |p: &Vector2<f64>| p.x >= 0.0 && p.y >= 0.0 && p.x <= w - 1.0 && p.y <= h - 1.0;
-        let mut out = PlaneViews {
-            pairs: Vec::new(),
-            rotations: Vec::new(),
-            centres: Vec::new(),
-            points: points.clone(),
-            seen: Vec::new(),
-        };
+        let mut out = PlaneViews { pairs: Vec::new(), views: Vec::new(), points: points.clone(), seen: Vec::new() };
         let mut pixels: Vec<Vec<Option<Vector2<f64>>>> = Vec::new();
         for _ in 0..self.views {
             let (rotation, centre) = self.pose(&mut rng);
@@ -99,8 +94,8 @@ impl PlaneViewScene {
             let seen: Vec<Option<Vector2<f64>>> = points.iter().map(of).collect();
             out.seen.push(seen.iter().map(Option::is_some).collect());
             pixels.push(seen);
-            out.rotations.push(rotation);
-            out.centres.push(centre);
+            let (pitch_down_rad, roll_rad, yaw_rad) = angles_from_rotation(&rotation);
+            out.views.push(View { pitch_down_rad, roll_rad, yaw_rad, centre });
         }
         for from in 0..self.views {
             for to in from + 1..self.views {

@@ -1,12 +1,12 @@
 //! Any motion before one plane.
 
 use groundcal::{
-    calibrate::{MotionModel, Options, calibrate_matches},
+    calibrate::{LensModel, MotionModel, Options, calibrate_matches},
     error::Error,
-    geometry::{intrinsics::Intrinsics, lens::Lens},
+    geometry::{constraint::Constraint, intrinsics::Intrinsics, lens::Lens},
     observer::Silent,
     result::{Calibration, MotionKind, Parameter},
-    synthetic::plane_views::PlaneViewScene,
+    synthetic::{bound::plane_views_bound, plane_views::PlaneViewScene},
 };
 use rayon::prelude::*;
 
@@ -85,4 +85,39 @@ fn views_tilted_alike_are_refused_by_name() {
     let scene = PlaneViewScene { tilt_deg: [35.0; 2], turn_deg: [20.0; 2], ..PlaneViewScene::nominal(5) };
     let error = calibrated(&scene, MotionModel::General).expect_err("alike");
     assert!(error.to_string().contains("tilted alike"), "{error}");
+}
+
+/// Without lens and priors, the covariance that is stated is Cramér and Rao's, and the errors are as large as it says.
+#[test]
+fn general_motion_reaches_the_cramer_rao_bound() {
+    let options = Options {
+        motion: MotionModel::General,
+        constraint: Constraint::ZeroSkew,
+        lens: LensModel::None,
+        ..Options::default()
+    };
+    let trial = |seed: u64| {
+        let scene = PlaneViewScene { views: 8, tilt_deg: [10.0, 50.0], ..PlaneViewScene::nominal(seed) };
+        let shown = scene.views();
+        let bound = plane_views_bound(
+            &scene.intrinsics,
+            &shown.views,
+            (&shown.points, &shown.seen),
+            scene.sigma_px,
+            Constraint::ZeroSkew,
+        )
+        .expect("determined")[(0, 0)];
+        let names: Vec<String> = (0..scene.views).map(|i| i.to_string()).collect();
+        let c = calibrate_matches(&names, scene.size, &shown.pairs, &options, &Silent)
+            .unwrap_or_else(|e| panic!("seed {seed}: {e}"));
+        let stated = c.standard_deviation(Parameter::Fx).expect("estimated").powi(2);
+        ((c.camera.fx - scene.intrinsics.fx).powi(2) / bound, stated / bound)
+    };
+    let all: Vec<(f64, f64)> = (0..80).into_par_iter().map(trial).collect();
+    let n = all.len() as f64;
+    let (squares, stated) = (all.iter().map(|t| t.0).sum::<f64>() / n, all.iter().map(|t| t.1).sum::<f64>() / n);
+    println!("RMSE over the bound {:.3}, stated deviation over it {:.3}", squares.sqrt(), stated.sqrt());
+    // Of 80 squares of normal variables the mean lies within 1 +- 3 (2 / 80)^(1/2).
+    assert!((0.5..1.5).contains(&squares), "{squares}");
+    assert!((0.8..1.35).contains(&stated), "{stated}");
 }
