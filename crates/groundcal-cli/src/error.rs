@@ -36,6 +36,17 @@ pub(crate) enum CliError {
     Other(String),
     /// A signal asked the program to end; the exit code.
     Stopped(u8),
+    /// One of these, after something was noted that may be the reason.
+    Noted(Box<CliError>, Vec<Remark>),
+}
+
+/// What was noted of the input before the end.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct Remark {
+    /// Stable name: that of a warning, or of a note on a file.
+    pub(crate) code: String,
+    /// What standard error says.
+    pub(crate) message: String,
 }
 
 /// An error as `--json` prints it.
@@ -55,6 +66,8 @@ struct Failure {
     message: String,
     /// Stable names of what to do, any of which helps.
     remedies: Vec<&'static str>,
+    /// What was noted of the input before.
+    notes: Vec<Remark>,
 }
 
 impl CliError {
@@ -87,23 +100,29 @@ impl CliError {
             CliError::Input(_) | CliError::Calibration(Error::InvalidInput(_)) => INPUT,
             CliError::Calibration(_) | CliError::Other(_) => OTHER,
             CliError::Stopped(code) => *code,
+            CliError::Noted(error, _) => error.exit_code(),
         }
     }
 
     /// For `--json`.
     pub(crate) fn report(&self) -> ErrorReport {
+        if let CliError::Noted(error, notes) = self {
+            let mut report = error.report();
+            report.error.notes.extend_from_slice(notes);
+            return report;
+        }
         let (code, remedies) = match self {
             CliError::Usage(_) => ("wrong_usage", Vec::new()),
             CliError::Input(_) => ("unusable_input", Vec::new()),
             CliError::Other(_) => ("failed", Vec::new()),
-            CliError::Stopped(_) => ("stopped", Vec::new()),
+            CliError::Stopped(_) | CliError::Noted(..) => ("stopped", Vec::new()),
             CliError::Calibration(error) => (error.code(), error.remedies().iter().map(Remedy::code).collect()),
         };
         let verdict = match self {
             CliError::Calibration(error) => verdict_on_refusal(error),
             _ => None,
         };
-        ErrorReport { verdict, error: Failure { code, message: self.to_string(), remedies } }
+        ErrorReport { verdict, error: Failure { code, message: self.to_string(), remedies, notes: Vec::new() } }
     }
 }
 
@@ -114,6 +133,7 @@ impl std::fmt::Display for CliError {
             CliError::Usage(text) | CliError::Input(text) | CliError::Other(text) => f.write_str(&message(text)),
             CliError::Calibration(error) => f.write_str(&message(&error.message(&Flags))),
             CliError::Stopped(_) => f.write_str("interrupted"),
+            CliError::Noted(error, _) => error.fmt(f),
         }
     }
 }
@@ -172,7 +192,14 @@ mod tests {
         assert_eq!(degenerate["code"], "too_few_images");
         assert_eq!(degenerate["remedies"], serde_json::json!(["take_second_image"]));
         assert!(degenerate["message"].as_str().unwrap().starts_with("1 image: "));
+        assert_eq!(degenerate["notes"], serde_json::json!([]));
         assert_eq!(report(CliError::Other("x\u{1b}[2J".into()))["message"], r"x\u{1b}[2J");
+        let note = Remark { code: "damaged_image".into(), message: "a.jpg: ends early".into() };
+        let noted = CliError::Noted(Box::new(Error::TooFewImages { found: 1 }.into()), vec![note]);
+        assert_eq!(noted.exit_code(), UNDETERMINED);
+        let noted = report(noted);
+        assert_eq!((&noted["code"], &noted["message"]), (&degenerate["code"], &degenerate["message"]));
+        assert_eq!(noted["notes"], serde_json::json!([{"code": "damaged_image", "message": "a.jpg: ends early"}]));
     }
 
     #[test]

@@ -5,15 +5,22 @@ use std::{
     time::{Duration, Instant},
 };
 
-use groundcal::calibrate::{Observer, Stage};
+use groundcal::{
+    calibrate::{Observer, Stage},
+    result::Warning,
+};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use crate::interrupt;
+use crate::{
+    error::{CliError, Remark},
+    interrupt, output,
+    remedies::Flags,
+};
 
 /// Work shorter than this shows no bar.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Listens to a calibration: a bar for the stage at work, and the times of all.
+/// Listens to a calibration: a bar for the stage at work, the times of all, and what was noted on the way.
 pub(crate) struct StageTimes {
     started: Instant,
     state: Mutex<State>,
@@ -22,6 +29,10 @@ pub(crate) struct StageTimes {
 struct State {
     bar: ProgressBar,
     stages: Vec<(&'static str, Instant)>,
+    /// Remarks on files, which are told at once.
+    noted: Vec<Remark>,
+    /// What a calibration would have among its warnings.
+    noticed: Vec<Warning>,
 }
 
 impl StageTimes {
@@ -32,12 +43,36 @@ impl StageTimes {
             bar.set_style(style.progress_chars("=> "));
         }
         let now = Instant::now();
-        Self { started: now, state: Mutex::new(State { bar, stages: vec![(first, now)] }) }
+        Self {
+            started: now,
+            state: Mutex::new(State { bar, stages: vec![(first, now)], noted: Vec::new(), noticed: Vec::new() }),
+        }
     }
 
     fn with<T>(&self, action: impl FnOnce(&mut State) -> T) -> T {
         // A panic elsewhere does not make the bar unusable.
         action(&mut self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
+    }
+
+    /// A remark on the input, told at once: minutes of work may follow.
+    pub(crate) fn note(&self, code: &str, message: String) {
+        self.with(|state| {
+            state.bar.suspend(|| output::note(&message));
+            state.noted.push(Remark { code: code.into(), message });
+        });
+    }
+
+    /// An error with what was noted before; what was not told yet is told.
+    pub(crate) fn noted(&self, error: CliError) -> CliError {
+        self.with(|state| {
+            let mut notes = std::mem::take(&mut state.noted);
+            for warning in std::mem::take(&mut state.noticed) {
+                let message = warning.message(&Flags);
+                output::note(&message);
+                notes.push(Remark { code: warning.code().into(), message });
+            }
+            if notes.is_empty() { error } else { CliError::Noted(Box::new(error), notes) }
+        })
     }
 
     /// Takes the bar away and gives the stages with their times; the same stage run several times is added up.
@@ -86,6 +121,10 @@ impl Observer for StageTimes {
             }
             state.bar.inc(1);
         });
+    }
+
+    fn notice(&self, warning: &Warning) {
+        self.with(|state| state.noticed.push(warning.clone()));
     }
 
     fn stopped(&self) -> bool {

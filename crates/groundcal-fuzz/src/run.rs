@@ -1,7 +1,6 @@
 //! One target for a time.
 
 use std::{
-    collections::HashSet,
     fmt,
     panic::{AssertUnwindSafe, catch_unwind},
     path::Path,
@@ -11,7 +10,7 @@ use std::{
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::{mutate::mutated, seeds, signature::signature, targets::Target, watch::Watch};
+use crate::{mutate::mutated, seeds, signature::Signatures, targets::Target, watch::Watch};
 
 /// Inputs that are kept of one target, and findings after which it ends.
 const MOST_POOL: usize = 20_000;
@@ -92,7 +91,7 @@ impl Run<'_> {
         let input = place.path().join(self.target.file_name);
         let watch = Watch::new(input.clone(), self.folder.join(format!("{}_stopped", self.target.name)));
         let mut found = Findings::default();
-        let mut known = HashSet::new();
+        let mut known = Signatures::default();
         let mut attempt = |bytes: &[u8]| -> std::io::Result<Option<String>> {
             std::fs::write(&input, bytes)?;
             watch.begin();
@@ -125,7 +124,7 @@ impl Run<'_> {
         let mut pool = seeds::of(self.target)?;
         for seed in &pool {
             if let Some(answer) = attempt(seed)? {
-                known.insert(signature(&answer));
+                known.is_new(&answer, seed);
             }
         }
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
@@ -134,11 +133,11 @@ impl Run<'_> {
             let [one, other] = [0; 2].map(|_| rng.random_range(0..pool.len()));
             let bytes = mutated(&mut rng, &pool[one], &pool[other], self.target.is_text);
             let Some(answer) = attempt(&bytes)? else { continue };
-            if known.insert(signature(&answer)) && pool.len() < MOST_POOL {
+            if known.is_new(&answer, &bytes) && pool.len() < MOST_POOL {
                 pool.push(bytes);
             }
         }
-        println!("{}: {found}, {} signatures, {:.0} s", self.target.name, known.len(), start.elapsed().as_secs_f64());
+        println!("{}: {found}, {} signatures, {:.0} s", self.target.name, known.count(), start.elapsed().as_secs_f64());
         Ok(found)
     }
 }

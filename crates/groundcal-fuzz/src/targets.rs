@@ -24,7 +24,7 @@ use groundcal::{
 };
 use groundcal_io::{
     export,
-    images::read_image_bytes,
+    images::{read_image_bytes, stated_focal_length_mm},
     import::{groundcal_json, read_camera},
     matches::{PairChoice, PointPairs, read_matches, read_pairs},
     text::message,
@@ -48,8 +48,9 @@ pub(crate) struct Target {
 }
 
 /// All of them.
-pub(crate) const TARGETS: [Target; 7] = [
+pub(crate) const TARGETS: [Target; 8] = [
     Target { name: "images", file_name: "input.png", is_text: false, run: images },
+    Target { name: "exif", file_name: "input.jpg", is_text: false, run: exif },
     Target { name: "cameras", file_name: "input.yaml", is_text: true, run: cameras },
     Target { name: "calibrations", file_name: "input.json", is_text: true, run: calibrations },
     Target { name: "tables", file_name: "input.csv", is_text: true, run: tables },
@@ -67,6 +68,27 @@ fn images(path: &Path) -> Result<String, String> {
     let image = read_image_bytes(path, &bytes(path)?).map_err(|e| e.to_string())?;
     assert!(image.data().iter().all(|v| v.is_finite()), "a value that is not finite");
     Ok(format!("{} x {}", image.width() > image.height(), image.data().len() > 1000))
+}
+
+/// The focal length that JPEG, PNG, TIFF, WebP and HEIC state.
+fn exif(path: &Path) -> Result<String, String> {
+    let file = bytes(path)?;
+    let kinds: [(&[u8], &str); 6] = [
+        (b"\xff\xd8", "JPEG"),
+        (b"\x89PNG", "PNG"),
+        (b"II", "TIFF"),
+        (b"MM", "TIFF of Motorola"),
+        (b"RIFF", "WebP"),
+        (b"", "other"),
+    ];
+    let kind = kinds.iter().find(|(start, _)| file.starts_with(start)).map_or("", |(_, kind)| kind);
+    match stated_focal_length_mm(file, ImageSize::new(40, 30)) {
+        Some(mm) => {
+            assert!((5..=3000).contains(&mm), "{mm} mm");
+            Ok(format!("{kind} stated"))
+        }
+        None => Ok(format!("{kind} none")),
+    }
 }
 
 /// Cameras in any format, then what `convert`, `undistort` and `compare` do with them.

@@ -24,7 +24,8 @@ impl Note {
     pub const CONVERTED_IMAGE: &str = "converted_image";
     /// One of several pages.
     pub const SEVERAL_PAGES: &str = "several_pages";
-
+    /// What a camera's file says beside its camera, or does not say.
+    pub const CAMERA_FILE: &str = "camera_file";
     /// Tracks left out because there are very many.
     pub const THINNED_TRACKS: &str = "thinned_tracks";
     /// Points in a corner of the images that their size says.

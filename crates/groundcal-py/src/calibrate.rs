@@ -3,14 +3,13 @@
 use std::{path::PathBuf, sync::Arc};
 
 use groundcal::{
-    calibrate::{calibrate_homographies, calibrate_matches},
+    calibrate::{calibrate_homographies, calibrate_images, calibrate_matches},
     error::Error,
     geometry::{
         frame::Frame,
         homography::{Homography, HomographyCovariance, covariance_in_frame},
         size::ImageSize,
     },
-    moving::{Moving, calibrate_moving},
     pairs::{
         correspondence::{ImagePair, PointMatch},
         refine::HomographyEstimate,
@@ -168,8 +167,7 @@ fn of_images(
         Some((masks, found)) => masks.put_on(found, images, &named)?,
         None => images,
     };
-    let Moving { calibration, images } =
-        calibrate_moving(names, images, &asked.options, watch).map_err(|failed| Failure::from(failed.error))?;
+    let calibration = calibrate_images(names, &images, &asked.options, watch)?;
     finished(asked, calibration, images, files)
 }
 
@@ -219,6 +217,7 @@ pub(crate) fn calibrate_files<'py>(
             if let Some(image) = read.images.first() {
                 notes.extend(asked.take_lens(image.size())?);
             }
+            watch.note(&notes);
             let masks = mask.as_ref().map(|mask| (mask, found.as_ref()));
             Ok((of_images(&asked, &names, read.images, masks, files, watch)?, notes))
         }
@@ -264,6 +263,7 @@ fn of_matches(
 ) -> Result<Made, Failure> {
     let mut notes = said(&found.notes);
     notes.extend(asked.take_lens(size)?);
+    watch.note(&notes);
     asked.options.pairs.clone_from(&found.listed);
     let made = calibrate_matches(&found.names, size, &found.pairs, &asked.options, watch);
     let mut calibration = made.map_err(|error| match (error, name) {
@@ -308,6 +308,7 @@ pub(crate) fn calibrate_arrays<'py>(
         if let Some(image) = all.images.first() {
             notes.extend(asked.take_lens(image.size())?);
         }
+        watch.note(&notes);
         let named: Vec<PathBuf> = names.iter().map(PathBuf::from).collect();
         let found = mask.as_ref().map(|mask| mask.files(&named)).transpose()?.flatten();
         let masks = mask.as_ref().map(|mask| (mask, found.as_ref()));

@@ -105,6 +105,21 @@ fn raised(py: Python<'_>, class: &str, text: &str, code: &str, remedies: &[Strin
 }
 
 impl Failure {
+    /// The exception, with what was noted of the input before, which may be its reason.
+    pub(crate) fn raise_with(self, py: Python<'_>, notes: &[String]) -> PyErr {
+        let error = self.raise(py);
+        // Only the package's own have a place for them.
+        if !notes.is_empty()
+            && let Ok(method) = error.value(py).getattr("_note")
+        {
+            let notes: Vec<String> = notes.iter().map(|note| message(note)).collect();
+            if let Err(fault) = method.call1((notes,)) {
+                return fault;
+            }
+        }
+        error
+    }
+
     /// The exception.
     pub(crate) fn raise(self, py: Python<'_>) -> PyErr {
         match self {

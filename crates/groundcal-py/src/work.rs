@@ -13,11 +13,14 @@ use std::{
     time::Duration,
 };
 
-use groundcal::calibrate::{Observer, Stage};
+use groundcal::{
+    calibrate::{Observer, Stage},
+    result::Warning,
+};
 use groundcal_lab::progress::Progress;
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
 
-use crate::failure::Failure;
+use crate::{failure::Failure, keywords::Keywords};
 
 /// Between looks at signals.
 const NAP: Duration = Duration::from_millis(20);
@@ -32,12 +35,19 @@ pub(crate) struct Watch {
     begun: Mutex<Vec<(String, u64)>>,
     /// Items of the last stage that are done.
     done: AtomicU64,
+    /// What was noted of the input, for an error.
+    notes: Mutex<Vec<String>>,
 }
 
 impl Watch {
     fn begun(&self, stage: String, total: u64) {
         self.begun.lock().unwrap_or_else(PoisonError::into_inner).push((stage, total));
         self.done.store(0, Ordering::Relaxed);
+    }
+
+    /// Notes on the input, which an error will have with it.
+    pub(crate) fn note(&self, notes: &[String]) {
+        self.notes.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(notes);
     }
 
     fn one_more(&self) {
@@ -63,6 +73,10 @@ impl Observer for Watch {
 
     fn advance(&self, _: Stage) {
         self.one_more();
+    }
+
+    fn notice(&self, warning: &Warning) {
+        self.note(&[warning.message(&Keywords)]);
     }
 
     fn stopped(&self) -> bool {
@@ -166,7 +180,8 @@ pub(crate) fn run<'py, T: Send + 'static>(
         results = receiver;
         match result {
             Ok(result) => {
-                let value = result.map_err(|failure| failure.raise(py))?;
+                let notes = std::mem::take(&mut *watch.notes.lock().unwrap_or_else(PoisonError::into_inner));
+                let value = result.map_err(|failure| failure.raise_with(py, &notes))?;
                 return teller.tell(&watch, true).map(|()| value);
             }
             Err(RecvTimeoutError::Disconnected) => return Err(fault("a computation broke off".into())),

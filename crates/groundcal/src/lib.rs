@@ -17,7 +17,6 @@
 //! | [`floor`] | pixels and points of the floor, with the lens; bird's-eye views; images as an ideal lens would have taken them |
 //! | [`result`] | the result value, its warnings, and what it was made from |
 //! | [`mod@calibrate`] | the front door: options, sources, the driver, checks |
-//! | [`moving`] | the same without what stands still in all images |
 //! | [`plan`] | capture advice: which motions to make, and the error bars to expect |
 //!
 //! Shared tools: [`geometry`] (models and conventions), [`numerics`] (RANSAC, Levenberg-Marquardt, linear algebra, statistics),
@@ -28,7 +27,6 @@ pub mod error;
 pub mod floor;
 pub mod geometry;
 pub mod ids;
-pub mod moving;
 pub mod numerics;
 pub mod observer;
 pub mod pairs;

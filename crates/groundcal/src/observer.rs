@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::error::Error;
+use crate::{error::Error, result::Warning};
 
 /// A step of the work, for progress displays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +31,11 @@ pub trait Observer: Sync {
     /// One item of the stage is done.
     fn advance(&self, stage: Stage) {
         let _ = stage;
+    }
+    /// Something was found out that holds whatever becomes of the work: a calibration has it among its warnings, who is refused one hears
+    /// of it here alone.
+    fn notice(&self, warning: &Warning) {
+        let _ = warning;
     }
     /// Whether the work is to stop. Asked often: an answer should take no longer than reading a flag.
     fn stopped(&self) -> bool {

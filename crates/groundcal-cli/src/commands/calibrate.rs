@@ -4,9 +4,8 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{HomographyFit, Method, Options, calibrate_matches},
+    calibrate::{HomographyFit, Method, Options, calibrate_images, calibrate_matches},
     geometry::{camera::Camera, lens::Lens, size::ImageSize},
-    moving::{Moving, NotCalibrated, calibrate_moving},
     result::{Calibration, Warning},
     start::linear_camera::GivenPrior,
     vision::image::GrayImage,
@@ -18,6 +17,7 @@ use groundcal_io::{
     inputs::{Inputs, find_inputs},
     matches::{PairChoice, read_matches, read_pairs},
     names::image_names,
+    note::Note,
     outputs::Request,
     text::shown,
 };
@@ -266,10 +266,11 @@ fn calibrate(
     let progress = StageTimes::new("reading");
     let result = from_inputs(args, inputs, masks, &progress);
     let mut times = progress.finish();
-    let Calibrated { mut calibration, images, notes } = result?;
-    for note in notes {
-        output::note(&note);
-    }
+    let Calibrated { mut calibration, images } = result.map_err(|error| match error {
+        // A signal is its own reason.
+        CliError::Stopped(_) => error,
+        error => progress.noted(error),
+    })?;
     if let Some(height_m) = args.camera_height {
         calibration = calibration.with_camera_height(height_m)?;
     }
@@ -307,8 +308,6 @@ struct Calibrated {
     calibration: Calibration,
     /// The images themselves; none for matches from elsewhere.
     images: Vec<GrayImage>,
-    /// What there is to say about the files.
-    notes: Vec<String>,
 }
 
 /// Input to calibration.
@@ -331,23 +330,17 @@ fn from_inputs(
                 options.pairs = Some(read_pairs(path, &names)?);
             }
             let read = read_images(&files)?;
-            let mut notes: Vec<String> = read.notes.iter().map(ToString::to_string).collect();
+            tell(&read.notes, progress);
             options.stated_focal_px = read.stated_focal_px;
             let mut images = read.images;
             if let Some(masks) = masks {
                 images = masks.put_on(images, &files)?;
             }
             if let Some(image) = images.first() {
-                notes.extend(take_known_lens(args, image.size(), &mut options)?);
+                take_known_lens(args, image.size(), &mut options, progress)?;
             }
-            let Moving { calibration, images } =
-                calibrate_moving(&names, images, &options, progress).map_err(|NotCalibrated { error, still }| {
-                    if let Some(still) = still {
-                        output::note(&still.message(&Flags));
-                    }
-                    error
-                })?;
-            Ok(Calibrated { calibration, images, notes })
+            let calibration = calibrate_images(&names, &images, &options, progress)?;
+            Ok(Calibrated { calibration, images })
         }
         Inputs::Csv(path) => {
             let size = args.image_size.ok_or_else(|| {
@@ -358,11 +351,8 @@ fn from_inputs(
                 None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
             };
             let table = read_matches(&path, size, choice)?;
-            // Before minutes of work.
-            for note in &table.notes {
-                output::note(&note.to_string());
-            }
-            let notes = take_known_lens(args, size, &mut options)?;
+            tell(&table.notes, progress);
+            take_known_lens(args, size, &mut options, progress)?;
             options.pairs.clone_from(&table.listed);
             let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)
@@ -370,15 +360,23 @@ fn from_inputs(
             if table.neighbours_only {
                 calibration.warnings.push(Warning::NeighboursOnly { images: count });
             }
-            Ok(Calibrated { calibration, images: Vec::new(), notes })
+            Ok(Calibrated { calibration, images: Vec::new() })
         }
     }
 }
 
-/// Takes the lens of `--lens-from`, and the camera matrix through which it was measured, at the size of these images. Returns what there
-/// is to say about the file.
-fn take_known_lens(args: &CalibrateArgs, size: ImageSize, options: &mut Options) -> Result<Vec<String>, CliError> {
-    let Some(file) = &args.lens_from else { return Ok(Vec::new()) };
+fn tell(notes: &[Note], progress: &StageTimes) {
+    notes.iter().for_each(|note| progress.note(note.code, note.to_string()));
+}
+
+/// Takes the lens of `--lens-from`, and the camera matrix through which it was measured, at the size of these images.
+fn take_known_lens(
+    args: &CalibrateArgs,
+    size: ImageSize,
+    options: &mut Options,
+    progress: &StageTimes,
+) -> Result<(), CliError> {
+    let Some(file) = &args.lens_from else { return Ok(()) };
     let imported = read_camera(file)?;
     if imported.lens.is_none() {
         return Err(CliError::Usage(format!(
@@ -395,7 +393,8 @@ fn take_known_lens(args: &CalibrateArgs, size: ImageSize, options: &mut Options)
     let camera = Camera { size: of_file, intrinsics: imported.intrinsics, lens: imported.lens }.scaled_to(size);
     options.distortion = camera.lens;
     options.distortion_camera = Some(camera.intrinsics);
-    Ok(imported.notes)
+    imported.notes.into_iter().for_each(|note| progress.note(Note::CAMERA_FILE, note));
+    Ok(())
 }
 
 fn options(args: &CalibrateArgs) -> Options {

@@ -1,7 +1,17 @@
 //! Masks, and what stands still in all images.
 
-use std::{path::Path, sync::OnceLock};
+use std::{
+    path::Path,
+    sync::{Mutex, OnceLock},
+};
 
+use groundcal::{
+    calibrate::{Observer, Options, Silent, calibrate_images, calibrate_matched_images},
+    pairs::correspondence::ImagePair,
+    result::{Calibration, Warning},
+    vision::features::{detect, match_features},
+};
+use groundcal_io::images::read_images;
 use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},
     scene::{Camera, Group, Scene, View},
@@ -163,4 +173,90 @@ fn a_mask_takes_away_what_it_holds_black_in_one_file_or_in_one_for_each_image() 
     let black = masks.path().join("black.png");
     GrayImage::new(WIDTH, HEIGHT).save(&black).unwrap();
     refused(&[text(folder.path()), "--mask".into(), text(&black)], 4, &["black.png", "without white"]);
+}
+
+/// Remembers what it is told.
+#[derive(Default)]
+struct Listener(Mutex<Vec<Warning>>);
+
+impl Observer for Listener {
+    fn notice(&self, warning: &Warning) {
+        self.0.lock().unwrap().push(warning.clone());
+    }
+}
+
+#[test]
+fn the_library_sets_it_aside_whatever_enters() {
+    let folder = set(|_, y| y >= 260);
+    let names = ["0a", "0b", "1a", "1b", "2a", "2b"].map(|n| format!("{n}.png"));
+    let files: Vec<_> = names.iter().map(|n| folder.path().join(n)).collect();
+    let images = read_images(&files).unwrap().images;
+    let options = Options { pairs: Some(vec![(0, 1), (2, 3), (4, 5)]), ..Options::default() };
+    let listener = Listener::default();
+    let of_images = calibrate_images(&names, &images, &options, &listener).unwrap();
+    let still: Vec<&Warning> =
+        of_images.warnings.iter().filter(|w| matches!(w, Warning::StillInAllImages { .. })).collect();
+    assert_eq!(listener.0.lock().unwrap().iter().collect::<Vec<_>>(), still);
+    assert_eq!(still.len(), 1);
+    // Matches of whole images: those of the bumper are more than those of the floor, and are not used.
+    let features: Vec<_> = images.iter().map(|image| detect(image, &options.features)).collect();
+    let pair = |&(from, to): &(usize, usize)| ImagePair {
+        from,
+        to,
+        matches: match_features(&features[from], &features[to], &options.matching),
+    };
+    let pairs: Vec<ImagePair> = options.pairs.iter().flatten().map(pair).collect();
+    let of_matches = calibrate_matched_images(&names, &images, &pairs, &options, &Silent).unwrap();
+    let lost = |c: &Calibration| c.warnings.iter().any(|w| matches!(w, Warning::StaticBackground { .. }));
+    for c in [&of_images, &of_matches] {
+        assert!(!lost(c), "{:?}", c.warnings);
+        let (f, sigma) = (c.camera.intrinsics().fx, c.standard_deviation.fx.unwrap());
+        println!("fx {f:.2} +- {sigma:.2}, truth {F}");
+        assert!((f - F).abs() < 4.0 * sigma && sigma < 0.03 * F, "{f} +- {sigma}");
+    }
+}
+
+/// What is held before a fixed camera turns about an axis that strays, and the background that tells so is no longer among the matches.
+#[test]
+fn a_single_motion_before_a_still_background_may_stray() {
+    let folder = set(|x, y| !(60..420).contains(&x) || !(60..340).contains(&y));
+    let pairs = folder.path().join("pairs.csv");
+    std::fs::write(&pairs, "image_a,image_b\n0a.png,0b.png\n").unwrap();
+    let images: Vec<String> = ["0a", "0b", "1a"].map(|n| text(&folder.path().join(format!("{n}.png")))).into();
+    let calibrated = |more: &[&str]| {
+        let mut arguments = images.clone();
+        arguments.extend(["--pairs".into(), text(&pairs), "--constraint".into(), "focal".into()]);
+        arguments.extend(more.iter().map(ToString::to_string));
+        calibrate(&arguments).json()
+    };
+    let json = calibrated(&[]);
+    still_percent(&json);
+    assert_eq!(number(&json, "/attitude_sigma_deg"), 1.5);
+    assert_eq!(number(&calibrated(&["--attitude-sigma-deg", "0.2"]), "/attitude_sigma_deg"), 0.2);
+}
+
+/// The error names it too, for who reads JSON alone.
+#[test]
+fn what_stands_still_and_damaged_images_are_in_the_error() {
+    let folder = set(|_, y| y >= 260);
+    // Three attitudes without a motion, the last picture cut.
+    let of = |name: &str| folder.path().join(name);
+    let jpeg = of("2a.jpg");
+    image::open(of("2a.png")).unwrap().save(&jpeg).unwrap();
+    let mut bytes = std::fs::read(&jpeg).unwrap();
+    bytes.truncate(bytes.len() * 9 / 10);
+    bytes.extend([0xff, 0xd9]);
+    std::fs::write(&jpeg, bytes).unwrap();
+    let run = calibrate(&[text(&of("0a.png")), text(&of("1a.png")), text(&jpeg), "--json".into()]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let error: Value = serde_json::from_str(&run.stdout).unwrap();
+    let notes = error["error"]["notes"].as_array().unwrap();
+    let codes: Vec<&str> = notes.iter().map(|n| n["code"].as_str().unwrap()).collect();
+    assert_eq!(codes, ["damaged_image", "still_in_all_images"], "{error:#}");
+    // Standard error has the same words, each once, before the error.
+    for note in notes {
+        let message = format!("note: {}\n", note["message"].as_str().unwrap());
+        assert_eq!(run.stderr.matches(&message).count(), 1, "{message}: {}", run.stderr);
+    }
+    assert!(run.stderr.lines().last().unwrap().starts_with("error: "), "{}", run.stderr);
 }

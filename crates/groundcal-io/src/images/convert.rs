@@ -3,6 +3,7 @@
 
 use std::{
     ffi::OsString,
+    fs::File,
     path::{Path, PathBuf},
     process::{Command, Stdio},
     time::{Duration, Instant},
@@ -28,7 +29,7 @@ pub(crate) enum Foreign {
     Other(&'static str),
 }
 
-/// A converter: its name, and its arguments with IN and OUT.
+/// A converter: its name, its arguments with IN and OUT (without OUT it writes to standard output), and the ending of what it makes.
 type Tool = (&'static str, &'static [&'static str], &'static str);
 
 const HEIF_CONVERT: Tool = ("heif-convert", &["IN", "OUT"], "png");
@@ -36,6 +37,7 @@ const HEIF_DEC: Tool = ("heif-dec", &["IN", "OUT"], "png");
 const AVIFDEC: Tool = ("avifdec", &["IN", "OUT"], "png");
 const FFMPEG: Tool = ("ffmpeg", &["-nostdin", "-v", "error", "-i", "file:IN", "-frames:v", "1", "-y", "OUT"], "png");
 const DCRAW_EMU: Tool = ("dcraw_emu", &["-T", "-w", "-Z", "OUT", "IN"], "tiff");
+const DCRAW: Tool = ("dcraw", &["-T", "-w", "-c", "IN"], "tiff");
 
 impl Foreign {
     /// What a file is by its first bytes, where it is an image of another kind.
@@ -87,8 +89,19 @@ impl Foreign {
         match self {
             Foreign::Heic => &[HEIF_CONVERT, HEIF_DEC, FFMPEG],
             Foreign::Avif => &[HEIF_CONVERT, HEIF_DEC, AVIFDEC, FFMPEG],
-            Foreign::Raw => &[DCRAW_EMU],
+            Foreign::Raw => &[DCRAW_EMU, DCRAW],
             Foreign::Other(_) => &[],
+        }
+    }
+
+    /// The sentence for a user whose converters failed.
+    fn other_help(self, path: &Path) -> String {
+        match self {
+            // Another than those that were tried, if there is none left.
+            Foreign::Raw => {
+                "Export it as TIFF or JPEG with a raw developer, or with the program of its camera".to_string()
+            }
+            other => other.help(path),
         }
     }
 
@@ -98,7 +111,7 @@ impl Foreign {
         let stem = path.file_stem().map(name_text).unwrap_or_default();
         match self {
             Foreign::Heic | Foreign::Avif => format!("Convert it: heif-convert '{name}' '{stem}.png'"),
-            Foreign::Raw => format!("Convert it: dcraw_emu -T -w '{name}'"),
+            Foreign::Raw => format!("Convert it: dcraw_emu -T -w '{name}' (of LibRaw; Debian: libraw-bin)"),
             Foreign::Other(_) => "Only JPEG, PNG, TIFF and WebP are read. Convert it".to_string(),
         }
     }
@@ -130,12 +143,12 @@ pub(crate) fn convert(path: &Path, kind: Foreign, folders: &[PathBuf]) -> Result
         failed.push(name);
     }
     let name = kind.name();
-    let help = kind.help(path);
     Err(match failed.as_slice() {
-        [] => format!("{name}, which is not read here. {help}"),
+        [] => format!("{name}, which is not read here. {}", kind.help(path)),
         tools => format!(
-            "{name}, which {} cannot convert: damaged, or of a kind that it does not know. {help}",
-            tools.join(" and ")
+            "{name}, which {} cannot convert: damaged, or of a kind that it does not know. {}",
+            tools.join(" and "),
+            kind.other_help(path)
         ),
     })
 }
@@ -154,7 +167,13 @@ fn run(program: &Path, arguments: &[&str], input: &Path, output: &Path) -> bool 
         None => OsString::from(a),
     });
     let mut command = Command::new(program);
-    command.args(filled).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    let stdout = if arguments.contains(&"OUT") {
+        Stdio::null()
+    } else {
+        let Ok(file) = File::create(output) else { return false };
+        file.into()
+    };
+    command.args(filled).stdin(Stdio::null()).stdout(stdout).stderr(Stdio::null());
     let Ok(mut child) = command.spawn() else { return false };
     let start = Instant::now();
     loop {

@@ -7,7 +7,8 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 
-use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use groundcal::geometry::size::ImageSize;
+use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, metadata::Orientation};
 
 use crate::{
     error::IoError,
@@ -118,7 +119,7 @@ impl ImageFiles {
                 };
             }
         };
-        let mut sequential = false;
+        let (mut sequential, mut sound_rows) = (false, None);
         if format == ImageFormat::Tiff {
             if tiff::is_raw(&bytes) {
                 return Ok(Decoded::Foreign(Foreign::Raw));
@@ -138,14 +139,15 @@ impl ImageFiles {
         }
         if format == ImageFormat::Jpeg {
             let report = jpeg::inspect(&bytes);
-            sequential = report.sequential;
+            (sequential, sound_rows) = (report.sequential, report.sound_rows);
             notes.extend(jpeg_note(path, &report)?);
             if let Cow::Owned(whole) = jpeg::with_tables(&bytes, &report) {
                 bytes = Cow::Owned(whole);
             }
         }
-        let image = self.plain(path, &bytes, format)?;
+        let (image, stored_size, orientation) = self.plain(path, &bytes, format)?;
         let mut image = StoredImage::from_dynamic(image, notes);
+        image.sound = sound_rows.and_then(|rows| StoredImage::sound_rows(stored_size, rows, orientation));
         image.is_tiff = format == ImageFormat::Tiff;
         if format == ImageFormat::Jpeg && !sequential {
             image.notes.extend(flat_end(path, &image));
@@ -153,8 +155,13 @@ impl ImageFiles {
         Ok(Decoded::Image(image))
     }
 
-    /// What the `image` crate reads, upright.
-    fn plain(&self, path: &Path, bytes: &[u8], format: ImageFormat) -> Result<DynamicImage, IoError> {
+    /// What the `image` crate reads, upright; the size in which it is stored, and how it was turned.
+    fn plain(
+        &self,
+        path: &Path,
+        bytes: &[u8],
+        format: ImageFormat,
+    ) -> Result<(DynamicImage, ImageSize, Orientation), IoError> {
         let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
         let mut limits = image::Limits::default();
         limits.max_alloc = Some(MAX_DECODER_BYTES);
@@ -177,7 +184,7 @@ impl ImageFiles {
         let orientation = decoder.orientation().map_err(fail)?;
         let mut decoded = DynamicImage::from_decoder(decoder).map_err(fail)?;
         decoded.apply_orientation(orientation);
-        Ok(decoded)
+        Ok((decoded, ImageSize::new(columns as usize, rows as usize), orientation))
     }
 }
 
@@ -200,7 +207,7 @@ fn format_of(bytes: &[u8]) -> Option<ImageFormat> {
 fn damaged(what: &str) -> String {
     format!(
         "damaged or truncated, or a kind of image this program does not read ({}). Copy or export it again",
-        plain(what)
+        plain(what.trim())
     )
 }
 
@@ -211,7 +218,11 @@ fn jpeg_note(path: &Path, report: &jpeg::Report) -> Result<Option<Note>, IoError
     match report.health {
         // Frames of films leave the marker out.
         Health::Whole if report.ended || report.sequential => Ok(None),
-        Health::Whole => {
+        Health::Coarse if report.ended => note(
+            "the JPEG ends early: the picture is there without its details (it is a progressive one). Copy it again from the camera"
+                .to_string(),
+        ),
+        Health::Whole | Health::Coarse => {
             Err(IoError::file(path, "truncated: the JPEG has no end marker. Copy it again from the camera"))
         }
         Health::EndsEarly(part) if !report.ended => Err(IoError::file(

@@ -4,7 +4,7 @@
 //! f_px = f35 √(w² + h²) / 43.27 mm        f35: FocalLengthIn35mmFilm, whole millimetres, by the diagonal (CIPA DCG-001)
 //! ```
 
-use std::{fs::File, io::BufReader, path::PathBuf};
+use std::io::Cursor;
 
 use exif::{Exif, In, Reader, Tag};
 use groundcal::geometry::size::ImageSize;
@@ -16,19 +16,34 @@ const PLAUSIBLE_MM: std::ops::RangeInclusive<u32> = 5..=3000;
 /// Relative difference of the aspect ratios of a picture and of what its camera says it took, from which on it was cropped.
 const CROPPED: f64 = 0.01;
 
-/// In pixels; `None` where not all files state one, and the same, of pictures that were not cropped since.
-pub(super) fn stated_focal_length_px(files: &[PathBuf], size: ImageSize) -> Option<f64> {
-    let (first, others) = files.split_first()?;
-    let stated = stated_mm(first, size)?;
-    if others.iter().any(|file| stated_mm(file, size) != Some(stated)) {
+/// In pixels; `None` where not all pictures state one, and the same.
+pub(super) fn focal_length_px(stated_mm: impl IntoIterator<Item = Option<u32>>, size: ImageSize) -> Option<f64> {
+    let mut all = stated_mm.into_iter();
+    let first = all.next()??;
+    if all.any(|other| other != Some(first)) {
         return None;
     }
     let diagonal = (size.width as f64).hypot(size.height as f64);
-    Some(f64::from(stated) * diagonal / DIAGONAL_35_MM)
+    Some(f64::from(first) * diagonal / DIAGONAL_35_MM)
 }
 
-fn stated_mm(file: &PathBuf, size: ImageSize) -> Option<u32> {
-    let exif = Reader::new().read_from_container(&mut BufReader::new(File::open(file).ok()?)).ok()?;
+/// The focal length that an image file (JPEG, PNG, TIFF, WebP, HEIC) states, in millimetres of 35 mm film; `None` where it states none, or one that
+/// no lens has, or was cropped to `size` since.
+///
+/// ```
+/// use groundcal::geometry::size::ImageSize;
+/// use groundcal_io::images::stated_focal_length_mm;
+///
+/// // A TIFF of nothing but FocalLengthIn35mmFilm = 26 in its Exif directory.
+/// let tiff = b"II*\0\x08\0\0\0\x01\0\x69\x87\x04\0\x01\0\0\0\x1a\0\0\0\0\0\0\0\x01\0\x05\xa4\x03\0\x01\0\0\0\x1a\0\0\0\0\0\0\0";
+/// assert_eq!(stated_focal_length_mm(tiff.to_vec(), ImageSize::new(40, 30)), Some(26));
+/// ```
+pub fn stated_focal_length_mm(file: Vec<u8>, size: ImageSize) -> Option<u32> {
+    // A TIFF is looked up where it stands; of the others the reader takes out the part it needs.
+    let is_tiff = file.starts_with(b"II") || file.starts_with(b"MM");
+    let reader = Reader::new();
+    let exif =
+        if is_tiff { reader.read_raw(file) } else { reader.read_from_container(&mut Cursor::new(&file)) }.ok()?;
     let number = |tag: Tag| number(&exif, tag);
     if let (Some(w), Some(h)) = (number(Tag::PixelXDimension), number(Tag::PixelYDimension)) {
         // Whichever side is up.
@@ -49,17 +64,22 @@ fn number(exif: &Exif, tag: Tag) -> Option<u32> {
 mod tests {
     use super::*;
 
-    /// A JPEG of 40 x 30 pixels whose Exif states a focal length and, if at all, a size.
-    fn jpeg(folder: &tempfile::TempDir, name: &str, mm: u16, taken: Option<[u16; 2]>) -> PathBuf {
-        let path = folder.path().join(name);
-        image::GrayImage::from_pixel(40, 30, image::Luma([90])).save(&path).expect("a file");
-        let plain = std::fs::read(&path).expect("a file");
+    const SIZE: ImageSize = ImageSize { width: 40, height: 30 };
+
+    /// An image file of 40 x 30 pixels, as it is saved.
+    fn plain(format: image::ImageFormat) -> Vec<u8> {
+        let mut bytes = Cursor::new(Vec::new());
+        image::GrayImage::from_pixel(40, 30, image::Luma([90])).write_to(&mut bytes, format).expect("written");
+        bytes.into_inner()
+    }
+
+    /// The Exif that states a focal length and, if at all, a size: little-endian TIFF, IFD0 with a pointer to the Exif IFD, and that.
+    fn tiff(mm: u16, taken: Option<[u16; 2]>) -> Vec<u8> {
         let mut fields: Vec<(u16, u16)> = vec![(0xa405, mm)];
         if let Some([w, h]) = taken {
             fields.extend([(0xa002, w), (0xa003, h)]);
         }
         fields.sort_unstable();
-        // Little-endian TIFF: IFD0 with a pointer to the Exif IFD, and that.
         let mut tiff = b"II\x2a\0\x08\0\0\0\x01\0\x69\x87\x04\0\x01\0\0\0\x1a\0\0\0\0\0\0\0".to_vec();
         tiff.extend((fields.len() as u16).to_le_bytes());
         for (tag, value) in fields {
@@ -69,30 +89,39 @@ mod tests {
             tiff.extend([0, 0]);
         }
         tiff.extend([0; 4]);
-        let segment = [b"Exif\0\0".to_vec(), tiff].concat();
+        tiff
+    }
+
+    /// A JPEG with it.
+    fn jpeg(mm: u16, taken: Option<[u16; 2]>) -> Vec<u8> {
+        let plain = plain(image::ImageFormat::Jpeg);
+        let segment = [b"Exif\0\0".to_vec(), tiff(mm, taken)].concat();
         let length = (segment.len() as u16 + 2).to_be_bytes();
-        let with = [&plain[..2], &[0xff, 0xe1], &length, &segment, &plain[2..]].concat();
-        std::fs::write(&path, with).expect("written");
-        path
+        [&plain[..2], &[0xff, 0xe1], &length, &segment, &plain[2..]].concat()
     }
 
     #[test]
-    fn what_photographs_state_is_read_where_they_agree_and_are_whole() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let size = ImageSize::new(40, 30);
-        let file = |name: &str, mm: u16, taken: Option<[u16; 2]>| jpeg(&folder, name, mm, taken);
-        let stated = |files: &[PathBuf]| stated_focal_length_px(files, size);
-        let whole = file("a.jpg", 26, Some([4000, 3000]));
-        let upright = file("b.jpg", 26, Some([3000, 4000]));
-        let px = stated(&[whole.clone(), upright]).expect("26 mm");
+    fn what_photographs_state_is_read_unless_they_were_cropped() {
+        let stated = |file: Vec<u8>| stated_focal_length_mm(file, SIZE);
+        assert_eq!(stated(jpeg(26, None)), Some(26));
+        assert_eq!(stated(jpeg(26, Some([4000, 3000]))), Some(26));
+        assert_eq!(stated(jpeg(26, Some([3000, 4000]))), Some(26), "upright");
+        assert_eq!(stated(tiff(35, None)), Some(35));
+        // A crop; not a number that lenses have; none at all; no image.
+        assert_eq!(stated(jpeg(26, Some([4000, 2250]))), None);
+        assert_eq!(stated(jpeg(0, None)), None);
+        assert_eq!(stated(plain(image::ImageFormat::Png)), None);
+        assert_eq!(stated(b"II".to_vec()), None);
+        assert_eq!(stated(Vec::new()), None);
+    }
+
+    #[test]
+    fn all_pictures_have_to_state_the_same() {
+        let px = focal_length_px([Some(26), Some(26)], SIZE).expect("26 mm");
         assert!((px - 26.0 * 50.0 / DIAGONAL_35_MM).abs() < 1e-9, "{px}");
-        assert!(stated(&[file("c.jpg", 26, None)]).is_some());
-        // Another zoom; a crop; none at all; not a number that lenses have.
-        assert_eq!(stated(&[whole.clone(), file("d.jpg", 52, None)]), None);
-        assert_eq!(stated(&[file("e.jpg", 26, Some([4000, 2250]))]), None);
-        let bare = folder.path().join("f.png");
-        image::GrayImage::new(40, 30).save(&bare).expect("a file");
-        assert_eq!(stated(&[whole, bare]), None);
-        assert_eq!(stated(&[file("g.jpg", 0, None)]), None);
+        // Another zoom; none in one of them; no picture.
+        for stated in [&[Some(26), Some(52)][..], &[Some(26), None], &[None, Some(26)], &[]] {
+            assert_eq!(focal_length_px(stated.iter().copied(), SIZE), None, "{stated:?}");
+        }
     }
 }

@@ -2,13 +2,15 @@
 //!
 //! Decoders fill what they cannot read with grey and call it a picture. Here the Huffman codes of a sequential JPEG (ITU-T T.81,
 //! annex F) are read again without making pixels: a whole file has exactly the blocks that its size asks for, and nothing after
-//! them but padding. A progressive file (annex G) is judged by the markers alone.
+//! them but padding. Of a progressive file (annex G) the scans that are the first to bring the coefficients of the first component (brightness) are
+//! read, as a decoder makes a pattern of what is missing there, and its markers say whether every coefficient came to its last bit; a cut within
+//! the last scans takes away the last bits of some, which nobody sees.
 //!
 //! Frames of MJPEG films leave out the Huffman tables of annex K; they are put in.
 
 use std::borrow::Cow;
 
-use crate::images::jpeg_scan::{Component, HuffmanTable, Scan, ScanEnd};
+use crate::images::jpeg_scan::{Coefficients, Component, HuffmanTable, Scan, ScanEnd};
 
 /// How a file's picture stands.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,6 +21,8 @@ pub(crate) enum Health {
     EndsEarly(f64),
     /// The data make no sense from this part of the picture on.
     DamagedFrom(f64),
+    /// The picture is there, its details are not: a progressive file that ends early.
+    Coarse,
 }
 
 /// What the markers and the data say.
@@ -27,6 +31,8 @@ pub(crate) struct Report {
     pub(crate) health: Health,
     /// Whether the end marker is there.
     pub(crate) ended: bool,
+    /// Rows of the stored picture that are surely sound; `None`: all.
+    pub(crate) sound_rows: Option<usize>,
     /// Where the first scan begins (its marker), if there is one.
     first_scan: Option<usize>,
     /// Whether the codes were read.
@@ -92,6 +98,10 @@ struct State {
     components: Vec<Component>,
     /// Whether the codes are those of annex F.
     sequential: bool,
+    /// Whether they are the Huffman codes of annex G.
+    progressive: bool,
+    /// By component, in the order of the frame: a bit for each coefficient whose last bit has not come yet.
+    unfinished: Vec<u64>,
     restart_interval: usize,
     /// By class and number.
     tables: [Option<HuffmanTable>; 8],
@@ -100,8 +110,14 @@ struct State {
 /// Reads the markers, and the codes of sequential scans. Segments are skipped by their length (thumbnails have markers of their
 /// own), and what follows the end (a motion photo's film) is not looked at.
 pub(crate) fn inspect(bytes: &[u8]) -> Report {
-    let mut report =
-        Report { health: Health::Whole, ended: false, first_scan: None, sequential: false, has_tables: false };
+    let mut report = Report {
+        health: Health::Whole,
+        ended: false,
+        sound_rows: None,
+        first_scan: None,
+        sequential: false,
+        has_tables: false,
+    };
     let mut state = State::default();
     for (id, counts, symbols) in STANDARD_TABLES {
         state.tables[table_place(id)] = HuffmanTable::new(&counts, symbols);
@@ -136,13 +152,18 @@ pub(crate) fn inspect(bytes: &[u8]) -> Report {
                     }
                     0xda => {
                         report.first_scan.get_or_insert(at);
+                        mark_finished(body, &mut state);
                         if let (Health::Whole, Some(scan)) = (report.health, scan_of(body, &state)) {
                             covered += scan.components.len();
-                            report.health = match scan.read(&bytes[next..]) {
+                            let end = scan.read(&bytes[next..]);
+                            report.health = match end {
                                 ScanEnd::Whole => Health::Whole,
                                 ScanEnd::Early(part) => Health::EndsEarly(part),
                                 ScanEnd::Damaged(part) => Health::DamagedFrom(part),
                             };
+                            if let ScanEnd::Early(part) | ScanEnd::Damaged(part) = end {
+                                report.sound_rows = Some(scan.sound_rows(part));
+                            }
                         }
                     }
                     _ => {}
@@ -151,11 +172,36 @@ pub(crate) fn inspect(bytes: &[u8]) -> Report {
             }
         }
     }
-    report.sequential = covered > 0 && covered >= state.components.len();
-    if covered > 0 && !report.sequential && report.health == Health::Whole {
-        report.health = Health::EndsEarly(covered as f64 / state.components.len() as f64);
+    let all_covered = covered > 0 && covered >= state.components.len();
+    report.sequential = state.sequential && all_covered;
+    if report.health == Health::Whole {
+        if covered > 0 && !all_covered {
+            report.health = Health::EndsEarly(covered as f64 / state.components.len() as f64);
+        } else if state.progressive && state.unfinished.iter().any(|bits| *bits != 0) {
+            report.health = Health::Coarse;
+        }
     }
     report
+}
+
+/// The components, coefficients and bits of a progressive scan: those whose last bit it has.
+fn mark_finished(body: &[u8], state: &mut State) {
+    let Some((&count, parts)) = body.split_first() else { return };
+    let (Some(components), Some(&[first, last, bits])) =
+        (parts.get(..2 * usize::from(count)), parts.get(2 * usize::from(count)..).and_then(<[u8]>::first_chunk::<3>))
+    else {
+        return;
+    };
+    if bits & 15 != 0 || last > 63 || first > last {
+        return;
+    }
+    let band = (u64::MAX >> (63 - last)) & (u64::MAX << first);
+    for part in components.chunks_exact(2) {
+        let place = state.components.iter().position(|c| c.id == part[0]);
+        if let Some(unfinished) = place.and_then(|place| state.unfinished.get_mut(place)) {
+            *unfinished &= !band;
+        }
+    }
 }
 
 /// The bytes of a segment whose length stands at `at`.
@@ -185,16 +231,30 @@ fn read_frame(marker: u8, body: &[u8], state: &mut State) {
     state.components =
         components.map(|c| Component { id: c[0], h: usize::from(c[1] >> 4), v: usize::from(c[1] & 15) }).collect();
     let usable = |c: &Component| (1..=4).contains(&c.h) && (1..=4).contains(&c.v);
-    state.sequential = matches!(marker, 0xc0 | 0xc1) && state.components.iter().all(usable);
+    let usable = state.components.iter().all(usable);
+    state.sequential = matches!(marker, 0xc0 | 0xc1) && usable;
+    state.progressive = marker == 0xc2 && usable;
+    state.unfinished = vec![u64::MAX; state.components.len()];
 }
 
 /// A scan that can be read: its components, with the tables of each.
 fn scan_of<'a>(body: &[u8], state: &'a State) -> Option<Scan<'a>> {
     // A height of zero is given after the scan; such files are rare and left alone.
-    if !state.sequential || state.size.contains(&0) {
+    if !(state.sequential || state.progressive) || state.size.contains(&0) {
         return None;
     }
     let count = usize::from(*body.first()?);
+    let coefficients = match body.get(1 + 2 * count..) {
+        _ if state.sequential => Coefficients::All,
+        Some(&[0, 0, bits, ..]) if bits >> 4 == 0 => Coefficients::Mean,
+        // Of the first component.
+        Some(&[from @ 1..=63, to @ 1..=63, bits, ..])
+            if bits >> 4 == 0 && state.components.first().map(|c| c.id) == body.get(1).copied() =>
+        {
+            Coefficients::Band(usize::from(from), usize::from(to))
+        }
+        _ => return None,
+    };
     let mut components = Vec::with_capacity(count);
     for part in body.get(1..1 + 2 * count)?.chunks_exact(2) {
         let component = state.components.iter().find(|c| c.id == part[0])?;
@@ -205,6 +265,7 @@ fn scan_of<'a>(body: &[u8], state: &'a State) -> Option<Scan<'a>> {
         size: state.size,
         largest: [state.components.iter().map(|c| c.h).max()?, state.components.iter().map(|c| c.v).max()?],
         restart_interval: state.restart_interval,
+        coefficients,
         components,
     })
 }

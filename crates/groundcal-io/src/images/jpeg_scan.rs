@@ -1,4 +1,7 @@
-//! The Huffman codes of one sequential scan (ITU-T T.81, annex F), counted and not turned into pixels.
+//! The Huffman codes of a sequential scan, or of one that is the first to bring some coefficients of a progressive picture (ITU-T T.81, annexes F
+//! and G), counted and not turned into pixels.
+
+use std::ops::RangeInclusive;
 
 /// Bits that the first look at a code takes.
 const FAST_BITS: u32 = 9;
@@ -65,8 +68,21 @@ pub(crate) struct Scan<'a> {
     /// Greatest `h` and `v` of the picture.
     pub(crate) largest: [usize; 2],
     pub(crate) restart_interval: usize,
+    /// Which coefficients of a block it has.
+    pub(crate) coefficients: Coefficients,
     /// Each with its tables of the first and of the other coefficients.
     pub(crate) components: Vec<(Component, &'a HuffmanTable, &'a HuffmanTable)>,
+}
+
+/// Which coefficients of a block a scan has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Coefficients {
+    /// All of them, as in a sequential picture.
+    All,
+    /// Its mean.
+    Mean,
+    /// From one to another, both included; not the mean.
+    Band(usize, usize),
 }
 
 /// How the data of a scan end.
@@ -160,17 +176,33 @@ impl Scan<'_> {
         (width.div_ceil(8 * h_max) * height.div_ceil(8 * v_max), blocks)
     }
 
+    /// Rows of the picture that are surely sound where data end, or cease to make sense, after this part of the units. The row of units before
+    /// that place is left out too: bits at a cut, and those behind a damage, may go on making sense for a while.
+    pub(crate) fn sound_rows(&self, part: f64) -> usize {
+        let (units, _) = self.units();
+        let [width, height] = self.size;
+        let [h_max, v_max] = self.largest;
+        // Pixels of a unit: of a scan of one component a block, which stands for several of the picture where the component is coarser.
+        let [across, down] = match self.components[..] {
+            [(c, ..)] => [8 * h_max / c.h, 8 * v_max / c.v],
+            _ => [8 * h_max, 8 * v_max],
+        };
+        let whole = (part * units as f64).round() as usize / width.div_ceil(across).max(1);
+        (whole.saturating_sub(1) * down).min(height)
+    }
+
     /// Reads the data.
     pub(crate) fn read(&self, bytes: &[u8]) -> ScanEnd {
         let (units, blocks) = self.units();
         let mut bits = Bits::new(bytes);
-        let mut restarts = 0u8;
+        let (mut restarts, mut empty) = (0u8, 0);
         for unit in 0..units {
             let part = unit as f64 / units as f64;
             if self.restart_interval > 0 && unit > 0 && unit % self.restart_interval == 0 {
                 if bits.left() >= 8 {
                     return ScanEnd::Damaged(part);
                 }
+                empty = 0;
                 match bits.next_interval() {
                     Some(marker) if marker == 0xd0 + restarts => restarts = (restarts + 1) % 8,
                     Some(0xd0..=0xd7) => return ScanEnd::Damaged(part),
@@ -179,7 +211,11 @@ impl Scan<'_> {
             }
             for ((_, first, others), count) in self.components.iter().zip(&blocks) {
                 for _ in 0..*count {
-                    let sound = block(&mut bits, first, others);
+                    let sound = match self.coefficients {
+                        Coefficients::All => mean(&mut bits, first) && coefficients(&mut bits, others),
+                        Coefficients::Mean => mean(&mut bits, first),
+                        Coefficients::Band(from, to) => band(&mut bits, others, from..=to, &mut empty),
+                    };
                     if bits.is_over() {
                         return ScanEnd::Early(part);
                     }
@@ -195,18 +231,23 @@ impl Scan<'_> {
     }
 }
 
-/// Reads one block; whether its codes make sense.
-fn block(bits: &mut Bits, first: &HuffmanTable, others: &HuffmanTable) -> bool {
+/// Reads the mean of a block; whether its code makes sense.
+fn mean(bits: &mut Bits, table: &HuffmanTable) -> bool {
     bits.fill();
-    let Some((length, size)) = first.find(bits.peek16()) else { return false };
+    let Some((length, size)) = table.find(bits.peek16()) else { return false };
     if size > 16 {
         return false;
     }
     bits.skip(length + u32::from(size));
+    true
+}
+
+/// Reads the other coefficients of a block; whether their codes make sense.
+fn coefficients(bits: &mut Bits, table: &HuffmanTable) -> bool {
     let mut k = 1;
     while k < 64 {
         bits.fill();
-        let Some((length, symbol)) = others.find(bits.peek16()) else { return false };
+        let Some((length, symbol)) = table.find(bits.peek16()) else { return false };
         let (run, size) = (usize::from(symbol >> 4), u32::from(symbol & 15));
         bits.skip(length + size);
         k += match (run, size) {
@@ -219,4 +260,29 @@ fn block(bits: &mut Bits, first: &HuffmanTable, others: &HuffmanTable) -> bool {
         }
     }
     true
+}
+
+/// Reads the coefficients of a band, or counts a block among the `empty` ones that the codes said before; whether the codes make sense.
+fn band(bits: &mut Bits, table: &HuffmanTable, band: RangeInclusive<usize>, empty: &mut u32) -> bool {
+    if *empty > 0 {
+        *empty -= 1;
+        return true;
+    }
+    let mut k = *band.start();
+    while k <= *band.end() {
+        bits.fill();
+        let Some((length, symbol)) = table.find(bits.peek16()) else { return false };
+        let (run, size) = (u32::from(symbol >> 4), u32::from(symbol & 15));
+        bits.skip(length);
+        if size == 0 && run < 15 {
+            // The rest of this block, and so many blocks after it.
+            *empty = (1 << run) - 1 + if run > 0 { bits.peek16() >> (16 - run) } else { 0 };
+            bits.skip(run);
+            return true;
+        }
+        bits.skip(size);
+        k += run as usize + 1;
+    }
+    // A run of sixteen zeros may end a band.
+    k <= *band.end() + 1
 }

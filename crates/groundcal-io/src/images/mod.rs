@@ -18,6 +18,7 @@ mod stored;
 mod tiff;
 
 pub use array::{ArrayImage, Pixels};
+pub use focal_length::stated_focal_length_mm;
 pub use masks::MaskFiles;
 pub use range::{ValueRange, ValueRanges};
 pub use read::{Arrays, Images, read_image, read_image_bytes, read_images, read_images_until, read_stored};

@@ -234,6 +234,7 @@ mod tests {
             samples,
             is_tiff: false,
             is_exact: true,
+            sound: None,
             notes: Vec::new(),
         };
         Values::default().join(Values::of(&image)).range(kind)

@@ -11,14 +11,16 @@ use rayon::prelude::*;
 
 use crate::{
     error::IoError,
+    file,
     images::{
         array::{ArrayImage, Pixels},
         decode::ImageFiles,
-        focal_length::stated_focal_length_px,
+        focal_length::{focal_length_px, stated_focal_length_mm},
         grey,
         range::{self, Kind, Ranges, Values},
         stored::StoredImage,
     },
+    limits::MAX_IMAGE_BYTES,
     note::Note,
 };
 
@@ -97,8 +99,12 @@ fn loaded(path: &Path, mut image: StoredImage) -> Result<Loaded, IoError> {
     let notes = std::mem::take(&mut image.notes);
     let (size, kind) = (image.size, range::kind(&image));
     let values = if kind.is_some() { Values::of(&image) } else { Values::default() };
-    let grey = GrayImage::from_rows(size, grey::grey(image))
+    let sound = image.sound.take();
+    let mut grey = GrayImage::from_rows(size, grey::grey(image))
         .ok_or_else(|| IoError::file(path, "a pixel value is not a finite number"))?;
+    if let Some(sound) = sound {
+        grey = grey.masked(sound).map_err(|e| IoError::file(path, e.to_string()))?;
+    }
     Ok(Loaded { grey, kind, values, notes })
 }
 
@@ -107,12 +113,15 @@ pub(crate) fn read_with(reader: &ImageFiles, files: &[PathBuf], observer: &dyn O
         if observer.stopped() {
             return Err(IoError::Calibration(Error::Stopped));
         }
-        reader.read(file).and_then(|image| loaded(file, image))
+        let bytes = file::bytes(file, MAX_IMAGE_BYTES)?;
+        let image = reader.read_bytes(file, &bytes)?;
+        let stated_mm = stated_focal_length_mm(bytes, image.size);
+        Ok((loaded(file, image)?, stated_mm))
     };
-    let all: Vec<Result<Loaded, IoError>> = files.par_iter().map(one).collect();
-    let images = in_one_range(all.into_iter().collect::<Result<_, _>>()?);
-    let size = images.images.first().map(GrayImage::size);
-    let stated_focal_px = size.and_then(|size| stated_focal_length_px(files, size));
+    let all: Vec<Result<(Loaded, Option<u32>), IoError>> = files.par_iter().map(one).collect();
+    let (all, stated_mm): (Vec<_>, Vec<_>) = all.into_iter().collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    let images = in_one_range(all);
+    let stated_focal_px = images.images.first().and_then(|image| focal_length_px(stated_mm, image.size()));
     Ok(Images { stated_focal_px, ..images })
 }
 

@@ -1,6 +1,8 @@
 //! A picture as a file stores it: samples in their own depth, upright.
 
-use groundcal::geometry::size::ImageSize;
+use std::sync::Arc;
+
+use groundcal::{geometry::size::ImageSize, vision::mask::Mask};
 use image::{DynamicImage, metadata::Orientation};
 
 use crate::note::Note;
@@ -29,6 +31,8 @@ pub struct StoredImage {
     pub is_tiff: bool,
     /// Whether the samples are the file's numbers; else it has wider ones.
     pub is_exact: bool,
+    /// Where its content is the file's, where that is not everywhere: a JPEG that is cut or damaged is filled up by its decoder.
+    pub sound: Option<Arc<Mask>>,
     /// What there is to say about the file.
     pub notes: Vec<Note>,
 }
@@ -51,10 +55,27 @@ impl StoredImage {
             DynamicImage::ImageRgba32F(i) => Samples::F32(i.into_raw()),
             other => {
                 let samples = Samples::F32(other.into_rgba32f().into_raw());
-                return Self { size, channels: 4, samples, is_tiff: false, is_exact: false, notes };
+                return Self { size, channels: 4, samples, is_tiff: false, is_exact: false, sound: None, notes };
             }
         };
-        Self { size, channels, samples, is_tiff: false, is_exact: true, notes }
+        Self { size, channels, samples, is_tiff: false, is_exact: true, sound: None, notes }
+    }
+
+    /// A picture of `size`, as it is stored, of which the first `rows` are sound; turned and mirrored as a tag asks.
+    pub(crate) fn sound_rows(size: ImageSize, rows: usize, orientation: Orientation) -> Option<Arc<Mask>> {
+        let values = (0..size.width * size.height).map(|i| u8::from(i / size.width.max(1) < rows)).collect();
+        let values = Self {
+            size,
+            channels: 1,
+            samples: Samples::U8(values),
+            is_tiff: false,
+            is_exact: true,
+            sound: None,
+            notes: Vec::new(),
+        };
+        let turned = values.oriented(orientation);
+        let Samples::U8(values) = turned.samples else { return None };
+        Mask::new(turned.size, &values.iter().map(|v| *v == 1).collect::<Vec<_>>()).map(Arc::new)
     }
 
     /// Turned and mirrored as a tag asks.

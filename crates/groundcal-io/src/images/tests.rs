@@ -182,6 +182,70 @@ fn damaged_jpegs_are_named() {
     assert!(seen >= 18, "{seen} of 20");
 }
 
+/// The first half of the data of a JPEG, with an end.
+fn cut(whole: &[u8]) -> Vec<u8> {
+    let start = scan_start(whole);
+    [&whole[..(start + whole.len()) / 2], &[0, 0xff, 0xd9]].concat()
+}
+
+#[test]
+fn what_a_decoder_fills_in_is_not_used() {
+    let folder = Folder::new();
+    let whole = jpeg_of(&texture(), 90);
+    let read = |bytes: &[u8]| read_images(&[folder.file("a.jpg", bytes)]).unwrap().images.remove(0);
+    assert_eq!(read(&whole).mask(), None);
+    let (whole_picture, picture) = (read(&whole), read(&cut(&whole)));
+    let mask = picture.mask().expect("a mask");
+    let (w, h) = (f64::from(W), f64::from(H));
+    assert!((0.2..0.8).contains(&mask.used()), "{}", mask.used());
+    assert!(mask.contains(0.0, 0.0) && mask.contains(w - 1.0, 0.0) && !mask.contains(0.0, h - 1.0));
+    // What is used is what the whole file shows there.
+    for (i, (a, b)) in picture.data().iter().zip(whole_picture.data()).enumerate() {
+        let (x, y) = (i % W as usize, i / W as usize);
+        assert!(!mask.contains(x as f64, y as f64) || a == b, "({x}, {y})");
+    }
+    // Turned by its tag: Exif with orientation 6, a quarter to the right, so that the first rows stand at the right.
+    let exif = b"Exif\0\0II\x2a\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+    let length = (exif.len() as u16 + 2).to_be_bytes();
+    let cut = cut(&whole);
+    let turned = read(&[&cut[..2], &[0xff, 0xe1], &length, exif, &cut[2..]].concat());
+    let turned = turned.mask().expect("a mask");
+    assert_eq!(turned.used(), mask.used());
+    assert!(turned.contains(h - 1.0, 0.0) && turned.contains(h - 1.0, w - 1.0) && !turned.contains(0.0, 0.0));
+}
+
+/// A picture of 32 x 24 pixels in ten scans.
+fn progressive() -> Vec<u8> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../groundcal-fuzz/corpus/images/progressive.jpg");
+    std::fs::read(path).unwrap()
+}
+
+#[test]
+fn a_progressive_jpeg_that_is_cut_is_named() {
+    let folder = Folder::new();
+    let whole = progressive();
+    let read = |bytes: &[u8]| read_images(&[folder.file("a.jpg", bytes)]).unwrap();
+    let found = read(&whole);
+    assert_eq!((found.notes.as_slice(), found.images[0].mask()), (&[][..], None));
+    let scans: Vec<usize> = (0..whole.len()).filter(|i| whole[*i..].starts_with(&[0xff, 0xda])).collect();
+    assert!(scans.len() > 3, "{scans:?}");
+    // Whole scans are missing at the end: coarse everywhere.
+    for end in &scans[2..] {
+        let found = read(&[&whole[..*end], &[0xff, 0xd9]].concat());
+        assert!(found.notes[0].to_string().contains("ends early: the picture is there without its details"));
+        assert_eq!(found.images[0].mask(), None);
+    }
+    // In the first details of brightness, of 21 bytes: a decoder makes a pattern of what is missing.
+    let found = read(&[&whole[..scans[1] + 10 + 8], &[0, 0xff, 0xd9]].concat());
+    assert!(found.notes[0].to_string().contains("the JPEG ends early: only the first"), "{:?}", found.notes);
+    assert!(found.images[0].mask().is_some_and(|mask| mask.used() < 1.0));
+    // Half of the first scan, of eleven bytes: what is below is not there at all.
+    let found = read(&[&whole[..scan_start(&whole) + 5], &[0, 0xff, 0xd9]].concat());
+    assert!(found.notes[0].to_string().contains("the JPEG ends early: only the first"), "{:?}", found.notes);
+    let used = found.images[0].mask().expect("a mask").used();
+    assert!((0.0..0.5).contains(&used), "{used}");
+}
+
 #[test]
 fn frames_of_films_get_their_tables() {
     let folder = Folder::new();
@@ -298,6 +362,29 @@ fn a_converter_is_used_where_there_is_one() {
     std::fs::write(&tool, "#!/bin/sh\nexit 1\n").unwrap();
     let message = read_with(&reader, &[heic], &Silent).unwrap_err().to_string();
     assert!(message.contains("heif-convert cannot convert"), "{message}");
+}
+
+/// One that writes to standard output, where the first cannot.
+#[cfg(unix)]
+#[test]
+fn a_raw_image_goes_through_the_next_converter() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new();
+    let result = folder.file("result.tiff", &tiff_of::<colortype::Gray8>(&texture(), false));
+    let raw = folder.file("a.raf", b"FUJIFILMCCD-RAW 0201");
+    let tools = Folder::new();
+    let tool = |name: &str, script: String| {
+        let path = tools.file(name, script.as_bytes());
+        std::fs::set_permissions(path, PermissionsExt::from_mode(0o755)).unwrap();
+    };
+    tool("dcraw_emu", "#!/bin/sh\nexit 1\n".into());
+    let reader = ImageFiles::with_converters(vec![tools.0.path().to_path_buf()]);
+    let message = read_with(&reader, std::slice::from_ref(&raw), &Silent).unwrap_err().to_string();
+    assert!(message.contains("dcraw_emu cannot convert") && message.contains("raw developer"), "{message}");
+    tool("dcraw", format!("#!/bin/sh\ncat '{}'\n", result.display()));
+    let read = read_with(&reader, &[raw], &Silent).unwrap();
+    assert!(read.notes[0].to_string().contains("read through dcraw"), "{:?}", read.notes);
+    assert_eq!(read.images[0].width(), W as usize);
 }
 
 /// Sizes are refused by the header, before memory is taken.

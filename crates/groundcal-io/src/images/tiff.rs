@@ -38,11 +38,54 @@ pub(crate) struct Header {
     bytes_per_pixel: u64,
 }
 
+/// Directories whose tags are looked up here: that of the picture, and whether another follows.
+const DIRECTORIES: usize = 2;
+/// Type of a tag that is text.
+const TEXT: u64 = 2;
+
 fn open(bytes: &[u8]) -> Result<Decoder<Cursor<&[u8]>>, String> {
+    if has_endless_text(bytes) {
+        return Err("a tag has a text longer than the file".into());
+    }
     let mut limits = Limits::default();
     limits.decoding_buffer_size = MAX_DECODER_BYTES as usize;
     limits.intermediate_buffer_size = MAX_DECODER_BYTES as usize;
     Decoder::new(Cursor::new(bytes)).map(|d| d.with_limits(limits)).map_err(|e| e.to_string())
+}
+
+/// Whether a directory has a text that is longer than the file. The decoder would take memory for it first, and of the largest print a line of its
+/// own on standard error.
+fn has_endless_text(bytes: &[u8]) -> bool {
+    let big_endian = bytes.starts_with(b"MM");
+    let number = |at: u64, length: usize| -> Option<u64> {
+        let at = usize::try_from(at).ok()?;
+        let field = bytes.get(at..at.checked_add(length)?)?.iter();
+        let join = |sum: u64, byte: &u8| sum << 8 | u64::from(*byte);
+        Some(if big_endian { field.fold(0, join) } else { field.rev().fold(0, join) })
+    };
+    // BigTIFF has eight bytes where TIFF has four, and counts its entries with eight in place of two.
+    let (place, wide, count_wide) = if number(2, 2) == Some(43) { (8, 8, 8) } else { (4, 4, 2) };
+    let entry_wide = 4 + 2 * wide as u64;
+    let mut directory = number(place, wide);
+    for _ in 0..DIRECTORIES {
+        let Some(at) = directory.filter(|at| *at > 0) else { return false };
+        let Some(count) = number(at, count_wide) else { return false };
+        let first = at.saturating_add(count_wide as u64);
+        let mut end = first;
+        for _ in 0..count {
+            // A directory that is cut ends here, whatever its count.
+            let (Some(kind), Some(length)) = (number(end.saturating_add(2), 2), number(end.saturating_add(4), wide))
+            else {
+                return false;
+            };
+            if kind == TEXT && length > bytes.len() as u64 {
+                return true;
+            }
+            end = end.saturating_add(entry_wide);
+        }
+        directory = number(end, wide);
+    }
+    false
 }
 
 /// Whether the first directory is that of a raw image: decoders take the small picture in it for the image.
@@ -152,7 +195,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<StoredImage, String> {
         (ColorType::Palette(_), Samples::U8(data)) => (3, Samples::U16(looked_up(&data, &palette)?)),
         (_, samples) => (channels, samples),
     };
-    let image = StoredImage { size, channels, samples, is_tiff: true, is_exact, notes: Vec::new() };
+    let image = StoredImage { size, channels, samples, is_tiff: true, is_exact, sound: None, notes: Vec::new() };
     Ok(image.oriented(orientation.and_then(Orientation::from_exif).unwrap_or(Orientation::NoTransforms)))
 }
 

@@ -14,17 +14,16 @@ use std::{
 };
 
 use groundcal::{
-    calibrate::{Method, MotionModel, Options, Silent, calibrate_matches},
+    calibrate::{Method, MotionModel, Options, Silent, calibrate_images, calibrate_matches},
     error::Error,
     geometry::{intrinsics::Intrinsics, size::ImageSize},
-    moving::calibrate_moving,
     pairs::{
         correspondence::{ImagePair, PointMatch},
         placed_lens::PlacedLens,
     },
     result::Calibration,
     start::absolute_conic::Constraint,
-    vision::{image::GrayImage, still::set_still_parts_aside},
+    vision::{image::GrayImage, still::still_parts},
 };
 use groundcal_io::{
     images::read_images, import::read_camera, inputs::find_images, matches::read_pairs, names::image_names,
@@ -195,9 +194,7 @@ fn of_set(set: &Set, folder: &Path, asked: &ExperimentOptions) -> Result<(String
 
 impl Real {
     fn calibrated(&self, options: &Options) -> Result<Calibration, Error> {
-        calibrate_moving(&self.names, self.images.clone(), options, &Silent)
-            .map(|moving| moving.calibration)
-            .map_err(|not| not.error)
+        calibrate_images(&self.names, &self.images, options, &Silent)
     }
 
     fn scores(&self, c: &Calibration, constraint: Constraint) -> Scores {
@@ -207,9 +204,9 @@ impl Real {
 
 /// Matched features of what moves.
 fn matched(real: &Real) -> Result<Vec<ImagePair>, Error> {
-    let mut images = real.images.clone();
-    set_still_parts_aside(&mut images, &Silent)?;
-    Ok(methods::match_pairs(&images, &real.pairs, &Options::default()))
+    let still = still_parts(&real.images, &Silent)?;
+    let moving = still.map(|still| still.set_aside(&real.images)).transpose()?;
+    Ok(methods::match_pairs(moving.as_ref().unwrap_or(&real.images), &real.pairs, &Options::default()))
 }
 
 /// Matches as a camera without distortion would have seen them.

@@ -6,14 +6,25 @@ from __future__ import annotations
 class _WithRemedies(ValueError):
     code: str
     remedies: tuple[str, ...]
+    notes: tuple[str, ...]
 
-    def __init__(self, message: str, code: str = "", remedies: object = ()) -> None:
+    def __init__(self, message: str, code: str = "", remedies: object = (), notes: object = ()) -> None:
         super().__init__(message)
         self.code = code
         self.remedies = tuple(str(remedy) for remedy in remedies) if isinstance(remedies, (list, tuple)) else ()
+        self.notes = ()
+        self._note(notes)
 
-    def __reduce__(self) -> tuple[type, tuple[str, str, tuple[str, ...]]]:
-        return type(self), (str(self), self.code, self.remedies)
+    def _note(self, notes: object) -> None:
+        new = tuple(str(note) for note in notes) if isinstance(notes, (list, tuple)) else ()
+        self.notes += new
+        add_note = getattr(self, "add_note", None)  # shown under a traceback, from Python 3.11 on
+        if add_note is not None:
+            for note in new:
+                add_note(note)
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, tuple[str, ...], tuple[str, ...]]]:
+        return type(self), (str(self), self.code, self.remedies, self.notes)
 
 
 class DegenerateError(_WithRemedies):
@@ -23,6 +34,7 @@ class DegenerateError(_WithRemedies):
         code: Short name of what is wrong, stable across versions (``"no_usable_motion"``, ``"too_few_attitudes"``; all of them are in
             ``docs/warnings.md``).
         remedies: What to do about it, any of these, worded with the keywords of :func:`groundcal.calibrate`.
+        notes: What was noted of the input before, which may be the reason: a damaged JPEG, what stands still in all images.
 
     Example:
         >>> import groundcal, numpy as np
@@ -40,6 +52,7 @@ class InputError(_WithRemedies):
     Attributes:
         code: ``"unusable_input"`` or ``"unusable_option"``.
         remedies: What to do about it; usually the message says it.
+        notes: What was noted of the input before.
 
     Example:
         >>> import groundcal

@@ -72,8 +72,9 @@ struct Found {
 pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
     let stages = StageOptions::new(options, &source.traits);
     let (mut pairs, lens) = observe_pairs(source.pairs, &stages, observer)?;
+    let images = source.images.as_deref();
     let mut warnings = source.warnings;
-    warnings.extend(copies_counted_once(&mut pairs, source.names, source.images));
+    warnings.extend(copies_counted_once(&mut pairs, source.names, images));
     let selected = select_motions(&pairs, &lens, &stages, observer);
     // A camera that turned on the spot before no floor has no plane to be seen in general motion.
     let turning = selected.as_ref().is_ok_and(is_turning);
@@ -81,14 +82,14 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
         .then(|| (pairs.clone(), lens.clone(), warnings.clone()));
     let answer = selected.and_then(|selection| {
         let found = Found { pairs, lens, selection, amplification: None, warnings };
-        camera_of(found, source.images, &stages, observer)
+        camera_of(found, images, &stages, observer)
     });
     let strays = answer.as_ref().is_ok_and(|(solved, _)| strays_as_in_general_motion(solved));
-    let traits = (source.names, source.images);
+    let traits = (source.names, images);
     let answer = answer.and_then(|(solved, found)| reported(&solved, found, traits, &stages));
     let doubtful = strays || answer.as_ref().is_err_and(Error::is_degenerate);
     if let Some((pairs, lens, warnings)) = again.filter(|_| doubtful) {
-        let general = of_general_motion(pairs, lens, warnings, source.images, &stages, observer)
+        let general = of_general_motion(pairs, lens, warnings, images, &stages, observer)
             .and_then(|(solved, found)| reported(&solved, found, traits, &stages));
         if matches!(general, Ok(_) | Err(Error::Stopped)) {
             observer.advance(Stage::Camera);

@@ -52,10 +52,10 @@ use crate::{
 };
 
 pub use crate::observer::{Observer, Silent, Stage};
-pub(crate) use options::HELD_ATTITUDE_SIGMA_DEG;
 pub use options::{HomographyFit, LensModel, Method, MotionModel, Options};
 
-/// Calibrates from photographs of the floor, all of one size, by one camera at one zoom.
+/// Calibrates from photographs of the floor, all of one size, by one camera at one zoom. What stands still in all of them is set aside
+/// before (see [`crate::vision::still`]); the observer hears of it, and the calibration has it among its warnings.
 ///
 /// # Errors
 /// See [`Error`].
@@ -69,7 +69,8 @@ pub fn calibrate_images(
 }
 
 /// Calibrates from photographs as [`calibrate_images`] does, from matches between them that are there already: another
-/// matcher's, or the same for several calibrations. The floor of the motions found is matched again patch by patch all the same.
+/// matcher's, or the same for several calibrations. The floor of the motions found is matched again patch by patch all the same, and
+/// matches of what stands still in all images, or what their masks leave out, are not used.
 ///
 /// # Errors
 /// See [`Error`].
@@ -80,7 +81,7 @@ pub fn calibrate_matched_images(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Calibration, Error> {
-    driver::run(source::from_matched_images(names, images, pairs, options)?, options, observer)
+    driver::run(source::from_matched_images(names, images, pairs, options, observer)?, options, observer)
 }
 
 /// Calibrates from point matches; `names` gives a name for each image index used by the pairs.

@@ -137,7 +137,7 @@ fn camera_options(pairs: &[PairObservation], selection: &Selection, stages: &Sta
     let mut camera = stages.camera.clone();
     if let [only] = selection.used().as_slice()
         && stages.options.attitude_sigma_deg.is_none()
-        && pairs[*only].background() > 0
+        && (pairs[*only].background() > 0 || stages.background_set_aside)
     {
         camera.attitude_sigma_rad = HELD_ATTITUDE_SIGMA_DEG.to_radians();
     }

@@ -1,8 +1,15 @@
 //! What a calibration is made from: images, images with matches, matches, or homographies. Each is checked here and enters the
 //! driver at its place.
+//!
+//! What stands still in all images (a bumper, the background of a turntable, a date stamp) is set aside here, once for all: it matches better
+//! than any floor. Pair by pair it can be told from what moves only where the matches of both lie on planes ([`crate::pairs::robust`]).
 
-use std::collections::{HashMap, HashSet};
+use std::{
+    borrow::Cow,
+    collections::{HashMap, HashSet},
+};
 
+use nalgebra::Vector2;
 use rayon::prelude::*;
 
 use crate::{
@@ -24,6 +31,7 @@ use crate::{
     vision::{
         features::{detect_until, match_features_until},
         image::GrayImage,
+        still::still_parts,
     },
 };
 
@@ -41,7 +49,7 @@ pub(super) struct Source<'a> {
     /// A name for each image index.
     pub(super) names: &'a [String],
     /// The images, where there are any.
-    pub(super) images: Option<&'a [GrayImage]>,
+    pub(super) images: Option<Cow<'a, [GrayImage]>>,
     /// What is known of each pair.
     pub(super) pairs: GivenPairs,
     /// What it decides of the options.
@@ -70,12 +78,13 @@ pub(super) fn from_images<'a>(
 ) -> Result<Source<'a>, Error> {
     let size = one_size(names, images)?;
     options.validate(size)?;
-    let mut warnings = Vec::new();
+    let (images, still) = without_still_parts(images, observer)?;
+    let mut warnings: Vec<Warning> = still.into_iter().collect();
     let pairs = candidate_pairs(images.len(), options)?;
     if options.pairs.is_none() && images.len() > options.all_pairs_limit {
         warnings.push(Warning::NeighboursOnly { images: images.len() });
     }
-    let copies = copies(images);
+    let copies = copies(&images);
     warnings.extend(warnings_of(&copies, names));
     let pairs = if options.pairs.is_some() {
         pairs
@@ -93,7 +102,7 @@ pub(super) fn from_images<'a>(
     if pairs.is_empty() {
         return Err(Error::TooFewImages { found: copies.iter().filter(|c| c.is_none()).count() });
     }
-    let features = observer.map(Stage::Features, images, |image| detect_until(image, &options.features, observer))?;
+    let features = observer.map(Stage::Features, &images, |image| detect_until(image, &options.features, observer))?;
     let matched = observer.map(Stage::Matching, &pairs, |&(from, to)| {
         let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
         Ok(ImagePair { from, to, matches })
@@ -101,7 +110,7 @@ pub(super) fn from_images<'a>(
     of_images(names, images, matched, options, warnings)
 }
 
-/// Images with matches between them.
+/// Images with matches between them. Matches of what is not used of an image are left out.
 ///
 /// # Errors
 /// See [`Error`].
@@ -110,11 +119,30 @@ pub(super) fn from_matched_images<'a>(
     images: &'a [GrayImage],
     pairs: &[ImagePair],
     options: &Options,
+    observer: &dyn Observer,
 ) -> Result<Source<'a>, Error> {
     let size = one_size(names, images)?;
     options.validate(size)?;
-    let named = named_pairs(names, pairs, options)?;
-    of_images(names, images, named, options, warnings_of(&copies(images), names))
+    let (images, still) = without_still_parts(images, observer)?;
+    let mut named = named_pairs(names, pairs, options)?;
+    for pair in &mut named {
+        let used = |image: usize, at: Vector2<f64>| images[image].used_about(at.x, at.y, 0.0) > 0.5;
+        let (from, to) = (pair.from, pair.to);
+        pair.matches.retain(|m| used(from, m.a) && used(to, m.b));
+    }
+    let warnings = still.into_iter().chain(warnings_of(&copies(&images), names)).collect();
+    of_images(names, images, named, options, warnings)
+}
+
+/// The images without what stands still in all of them, which the observer hears of.
+fn without_still_parts<'a>(
+    images: &'a [GrayImage],
+    observer: &dyn Observer,
+) -> Result<(Cow<'a, [GrayImage]>, Option<Warning>), Error> {
+    let Some(found) = still_parts(images, observer)? else { return Ok((Cow::Borrowed(images), None)) };
+    let warning = Warning::StillInAllImages { percent: 100.0 * found.share };
+    observer.notice(&warning);
+    Ok((Cow::Owned(found.set_aside(images)?), Some(warning)))
 }
 
 /// Matches without images.
@@ -139,6 +167,7 @@ pub(super) fn from_matches<'a>(
         has_images: false,
         has_matches: true,
         sequence: false,
+        background_set_aside: false,
     };
     let pairs = GivenPairs::Matches(checked(names, pairs, size)?);
     Ok(Source { names, images: None, pairs, traits, warnings: Vec::new() })
@@ -178,13 +207,20 @@ pub(super) fn from_homographies<'a>(
         Ok(PairObservation::of_homography(PairId::new(i), [(*from).into(), (*to).into()], estimate.clone()))
     };
     let pairs = homographies.iter().enumerate().map(observation).collect::<Result<_, _>>()?;
-    let traits = SourceTraits { size, min_plane_matches: 0, has_images: false, has_matches: false, sequence: false };
+    let traits = SourceTraits {
+        size,
+        min_plane_matches: 0,
+        has_images: false,
+        has_matches: false,
+        sequence: false,
+        background_set_aside: false,
+    };
     Ok(Source { names, images: None, pairs: GivenPairs::Planes(pairs), traits, warnings: Vec::new() })
 }
 
 fn of_images<'a>(
     names: &'a [String],
-    images: &'a [GrayImage],
+    images: Cow<'a, [GrayImage]>,
     matched: Vec<ImagePair>,
     options: &Options,
     warnings: Vec<Warning>,
@@ -198,8 +234,14 @@ fn of_images<'a>(
     let size = images[0].size();
     // Few images may be in any order.
     let sequence = images.len() > options.all_pairs_limit;
-    let traits =
-        SourceTraits { size, min_plane_matches: MIN_FEATURES_ON_PLANE, has_images: true, has_matches: true, sequence };
+    let traits = SourceTraits {
+        size,
+        min_plane_matches: MIN_FEATURES_ON_PLANE,
+        has_images: true,
+        has_matches: true,
+        sequence,
+        background_set_aside: warnings.iter().any(|w| matches!(w, Warning::StillInAllImages { .. })),
+    };
     let pairs = GivenPairs::Matches(checked(names, matched, size)?);
     Ok(Source { names, images: Some(images), pairs, traits, warnings })
 }

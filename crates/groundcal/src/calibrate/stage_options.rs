@@ -24,6 +24,8 @@ pub(super) struct StageOptions<'a> {
     pub(super) size: ImageSize,
     /// Frame of the estimation.
     pub(super) frame: Frame,
+    /// Something stood still in all images and is not used.
+    pub(super) background_set_aside: bool,
     /// Homographies of pairs.
     pub(super) observe: ObserveOptions,
     /// Finding the lens; `None`: it is given, taken to be none, or there are no matches to find it from.
@@ -55,6 +57,8 @@ pub(super) struct SourceTraits {
     pub(super) has_matches: bool,
     /// The images are in the order in which they were taken.
     pub(super) sequence: bool,
+    /// Something stood still in all images and is not used.
+    pub(super) background_set_aside: bool,
 }
 
 impl<'a> StageOptions<'a> {
@@ -80,6 +84,7 @@ impl<'a> StageOptions<'a> {
             options,
             size,
             frame,
+            background_set_aside: source.background_set_aside,
             observe,
             lens: (source.has_matches && options.lens_is_unknown()).then_some(lens),
             plane_normal: PlaneNormalOptions {

@@ -7,11 +7,12 @@ use std::sync::Arc;
 
 use crate::{error::Error, geometry::size::ImageSize, vision::mask::Mask};
 
-/// A grey image, row by row, values nominally in 0..=1.
+/// A grey image, row by row, values nominally in 0..=1. A copy costs nothing until its values are written.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrayImage {
     size: ImageSize,
-    data: Vec<f32>,
+    /// Shared by copies with another mask.
+    data: Arc<Vec<f32>>,
     /// What of it is used; all, where there is none.
     mask: Option<Arc<Mask>>,
 }
@@ -19,14 +20,14 @@ pub struct GrayImage {
 impl GrayImage {
     /// An image of one value.
     pub fn filled(size: ImageSize, value: f32) -> Self {
-        Self { size, data: vec![value; size.width * size.height], mask: None }
+        Self { size, data: Arc::new(vec![value; size.width * size.height]), mask: None }
     }
 
     /// An image from its rows laid end to end; `None` when the length is not width times height or a value is not finite.
     pub fn from_rows(size: ImageSize, data: Vec<f32>) -> Option<Self> {
         (data.len() == size.width * size.height && data.iter().all(|v| v.is_finite())).then_some(Self {
             size,
-            data,
+            data: Arc::new(data),
             mask: None,
         })
     }
@@ -34,7 +35,7 @@ impl GrayImage {
     /// An image from rows that are known to be finite and of the right number.
     pub(crate) fn from_parts(size: ImageSize, data: Vec<f32>) -> Self {
         debug_assert_eq!(data.len(), size.width * size.height);
-        Self { size, data, mask: None }
+        Self { size, data: Arc::new(data), mask: None }
     }
 
     /// The same image, of which only what the mask holds is used (and what a mask that it has already does).
@@ -95,7 +96,7 @@ impl GrayImage {
 
     /// All values, row by row, to be written.
     pub fn data_mut(&mut self) -> &mut [f32] {
-        &mut self.data
+        Arc::make_mut(&mut self.data).as_mut_slice()
     }
 
     /// One row.

@@ -63,22 +63,18 @@ pub struct StillParts {
     pub share: f64,
 }
 
-/// Finds what stands still in all images and masks it in all; `None` where nothing does, or nothing else is there, or there are two images
-/// only. Images of different sizes are left as they are.
-///
-/// # Errors
-/// [`Error::Stopped`] and no other.
-pub fn set_still_parts_aside(
-    images: &mut Vec<GrayImage>,
-    observer: &dyn Observer,
-) -> Result<Option<StillParts>, Error> {
-    let Some(found) = still_parts(images, observer)? else { return Ok(None) };
-    let masked = std::mem::take(images).into_iter().map(|image| image.masked(Arc::clone(&found.mask)));
-    *images = masked.collect::<Result<_, Error>>()?;
-    Ok(Some(found))
+impl StillParts {
+    /// The images without them.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] where an image has another size.
+    pub fn set_aside(&self, images: &[GrayImage]) -> Result<Vec<GrayImage>, Error> {
+        images.iter().map(|image| image.clone().masked(Arc::clone(&self.mask))).collect()
+    }
 }
 
-/// What stands still in all images, as [`set_still_parts_aside`] finds it.
+/// Finds what stands still in all images; `None` where nothing does, or nothing else is there, or there are two images only, or images
+/// of different sizes. What a mask leaves out is not looked at.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
@@ -326,10 +322,10 @@ mod tests {
     #[test]
     fn a_bumper_is_found_and_masked_in_all() {
         for count in [3, 4, 12, 30] {
-            let mut all = images(count, &texture(1), |_, _, y| y >= 180);
-            let parts = set_still_parts_aside(&mut all, &Silent).expect("not stopped").expect("something stands still");
+            let all = images(count, &texture(1), |_, _, y| y >= 180);
+            let parts = found(&all).expect("something stands still");
             assert!((parts.share - 0.25).abs() < 0.05, "{}", parts.share);
-            for image in &all {
+            for image in &parts.set_aside(&all).expect("one size") {
                 let mask = image.mask().expect("a mask");
                 let (above, below) = (mask.share(160.0, 80.0, 300.0), mask.share(160.0, 215.0, 30.0));
                 assert!(mask.share(160.0, 80.0, 80.0) > 0.99 && below < 0.01, "{above} {below}");

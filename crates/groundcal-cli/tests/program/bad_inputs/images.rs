@@ -53,6 +53,17 @@ fn big_tiff() -> Vec<u8> {
     bytes.into_inner()
 }
 
+/// A TIFF whose format of samples is a text of two gigabytes.
+fn tiff_with_endless_text() -> Vec<u8> {
+    let mut bytes = tiff_of::<colortype::Gray8>(&texture());
+    // The entry: tag, type of a short, count.
+    let entry = [339u16.to_le_bytes(), 3u16.to_le_bytes(), 1u16.to_le_bytes(), [0; 2]].concat();
+    let at = bytes.windows(8).position(|w| w == entry).unwrap();
+    bytes[at + 2..at + 4].copy_from_slice(&2u16.to_le_bytes());
+    bytes[at + 4..at + 8].copy_from_slice(&2_000_000_000u32.to_le_bytes());
+    bytes
+}
+
 /// A strip of JPEG inside a TIFF of a size.
 fn tiff_with_jpeg(w: u32, h: u32) -> Vec<u8> {
     let jpeg = jpeg();
@@ -139,6 +150,7 @@ pub(super) fn files() -> Vec<(String, Vec<u8>)> {
         }),
         ("nan.tif", tiff_of::<colortype::Gray32Float>(&vec![f32::NAN; t.len()])),
         ("huge.png", png_of_said_size(100_000)),
+        ("endless_text.tif", tiff_with_endless_text()),
         ("huge.tif", tiff_with_jpeg(60_000, 60_000)),
         ("note.jpg", b"Shopping list: bread, milk, a tripod.\n".to_vec()),
         ("empty.png", Vec::new()),

@@ -126,6 +126,7 @@ const IMAGES: &[Row] = &[
     ("calibrate @truncated.jpg @a.png", 4, &["truncated.jpg", "truncated", "Copy it again"]),
     ("calibrate @truncated.png @a.png", 4, &["truncated.png", "damaged or truncated", "Copy or export it again"]),
     ("calibrate @truncated.tif @a.png", 4, &["truncated.tif", "damaged or truncated"]),
+    ("calibrate @endless_text.tif @a.png", 4, &["endless_text.tif", "a text longer than the file"]),
     ("calibrate @nan.tif @a.png", 4, &["nan.tif", "not a finite number"]),
     ("calibrate @huge.png @a.png", 4, &["huge.png", "too large"]),
     ("calibrate @huge.tif @a.png", 4, &["huge.tif", "too large: 60000 x 60000"]),

@@ -19,8 +19,9 @@ use files::Files;
 use list::Case;
 
 /// Words that stand for a fault of the program, or for the language it is written in.
-const NEVER: [&str; 18] = [
+const NEVER: [&str; 19] = [
     "panicked",
+    ".rs:",
     "RUST_BACKTRACE",
     "f64",
     "f32",
