@@ -167,6 +167,41 @@ pub(crate) fn parse_height(text: &str) -> Result<f64, String> {
     height.ok_or_else(|| "expected a height in metres from 0.000001 to 1000000, for example 1.45".into())
 }
 
+/// A standard deviation in pixels.
+pub(crate) fn parse_sigma(text: &str) -> Result<f64, String> {
+    let sigma = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && (0.0..=1e3).contains(v));
+    sigma.ok_or_else(|| "expected pixels from 0 to 1000, for example 0.5".into())
+}
+
+/// A distance on the floor as `--floor-distance` has it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FloorDistance {
+    /// The image in which it is seen.
+    pub(crate) view: String,
+    /// Its ends.
+    pub(crate) pixels: [[f64; 2]; 2],
+    /// Metres, and their standard deviation.
+    pub(crate) metres: [f64; 2],
+}
+
+impl FloorDistance {
+    /// From `VIEW X1,Y1 X2,Y2 METRES[+-SIGMA]`.
+    pub(crate) fn parse(words: &[String]) -> Result<Self, String> {
+        let [view, first, second, metres] = words else {
+            return Err("expected VIEW X1,Y1 X2,Y2 METRES, for example 00a.jpg 412,380 655,410 1.20".into());
+        };
+        let (value, sigma) = match metres.split_once("+-").or_else(|| metres.split_once('±')) {
+            Some((value, sigma)) => (value, sigma.trim().parse::<f64>().ok()),
+            None => (metres.as_str(), Some(0.0)),
+        };
+        let value = parse_height(value).map_err(|_| format!("{metres} is no distance in metres"))?;
+        let sigma = sigma
+            .filter(|s| s.is_finite() && *s >= 0.0)
+            .ok_or(format!("{metres} has no standard deviation in metres"))?;
+        Ok(Self { view: view.clone(), pixels: [parse_point(first)?, parse_point(second)?], metres: [value, sigma] })
+    }
+}
+
 /// `WxH` in pixels.
 pub(crate) fn parse_size(text: &str) -> Result<ImageSize, String> {
     let (w, h) = text.split_once(['x', 'X']).ok_or("expected WxH in pixels, for example 1280x960")?;

@@ -81,7 +81,7 @@ impl Handle {
     /// The summary that the program prints.
     #[pyo3(signature = (verbose, width))]
     fn summary(&self, verbose: bool, width: usize) -> String {
-        text::summary(&self.calibration, &SummaryOptions { width, verbose }, &Keywords)
+        text::summary(&self.calibration, &SummaryOptions { width, verbose, more: "" }, &Keywords)
     }
 
     /// The page.

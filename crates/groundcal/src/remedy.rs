@@ -182,7 +182,7 @@ impl std::fmt::Display for Remedy {
                 "take a second image after turning (and, if you like, moving) the camera over the floor without tilting it"
             }
             Remedy::CheckImages => {
-                "check that the images belong together, overlap by half or more, and that the floor has visible texture and is in focus"
+                "check that the images belong together, overlap by half or more, and that the plane or the scene in them has visible texture and is in focus"
             }
             Remedy::TurnCamera { from_deg, to_deg } => {
                 return write!(

@@ -9,6 +9,7 @@ mod checks;
 mod copies;
 mod departures;
 mod driver;
+pub mod earlier;
 mod evidence;
 mod fisheye;
 mod general;

@@ -12,7 +12,10 @@ use crate::{
         solved::Solved,
         stage_options::StageOptions,
     },
-    floor::view::FloorView,
+    floor::{
+        projection::{CELLS, projection_uncertainty},
+        view::FloorView,
+    },
     geometry::plane_view::View,
     ids::{GroupId, ViewId},
     pairs::{known_lens::KnownLens, observation::PairObservation},
@@ -22,6 +25,7 @@ use crate::{
         StandardDeviation, ViewParameter, ViewReport, Warning,
         calibration::{FORMAT_VERSION, SCHEMA_VERSION},
         diagnosis,
+        evidence::ObservationEvidence,
         judge::verdict_on,
     },
     select::{
@@ -59,6 +63,10 @@ pub(super) fn assemble(
         Some(factor) => amplified(calibration, factor),
         None => calibration,
     };
+    if let Some(refinement) = &mut calibration.fit.refinement {
+        refinement.reprojection_rms_px = reprojection_rms_px(&calibration.evidence.observations);
+    }
+    calibration.projection_uncertainty = projection_uncertainty(&calibration, CELLS);
     let diagnoses = diagnosis::motions(&calibration);
     for (motion, diagnosis) in calibration.motions.iter_mut().zip(diagnoses) {
         motion.diagnosis = diagnosis;
@@ -74,6 +82,12 @@ fn reported(kind: MotionKind) -> result::MotionKind {
         MotionKind::Turning { .. } => result::MotionKind::Turning,
         MotionKind::General => result::MotionKind::General,
     }
+}
+
+/// Over the observations in all images; `None` without any.
+fn reprojection_rms_px(observations: &[ObservationEvidence]) -> Option<f64> {
+    let squares: f64 = observations.iter().map(|o| o.residual_px[0].powi(2) + o.residual_px[1].powi(2)).sum();
+    (!observations.is_empty()).then(|| (squares / observations.len() as f64).sqrt())
 }
 
 /// The camera alone.
@@ -115,6 +129,7 @@ fn camera_report(
         method: solved.method,
         motion: Some(motion),
         camera_height_m: None,
+        camera_height_sigma_m: None,
         scene: match (solved.method, over_floor) {
             (Method::Linear | Method::Kzr, _) => None,
             (Method::Joint, Some(_)) => Some(Scene::Floor),
@@ -147,6 +162,8 @@ fn camera_report(
         attitudes: Vec::new(),
         views: Vec::new(),
         motions: Vec::new(),
+        on_base: Vec::new(),
+        projection_uncertainty: None,
         warnings: Vec::new(),
         evidence: Default::default(),
     }

@@ -14,6 +14,8 @@ use crate::{
         evidence::Evidence,
         fit::Fit,
         motions::MotionReport,
+        on_base::CameraOnBase,
+        projection::ProjectionUncertainty,
         verdict::Verdict,
         views::{AttitudeReport, ViewReport},
         warning::{self, Warning},
@@ -93,6 +95,9 @@ pub struct Calibration {
     /// Height of the origins' optical centres in metres where positions are in metres ([`Calibration::with_camera_height`]); `None`:
     /// that height is the unit of length.
     pub camera_height_m: Option<f64>,
+    /// Its standard deviation; `None`: it is taken as exact, or the unit.
+    #[serde(default)]
+    pub camera_height_sigma_m: Option<f64>,
     /// What was assumed beforehand and how much it counted.
     #[serde(default)]
     pub priors: Vec<Prior>,
@@ -117,6 +122,12 @@ pub struct Calibration {
     /// Every pair looked at.
     #[serde(default)]
     pub motions: Vec<MotionReport>,
+    /// Where the camera sits on a robot, where odometry told; of each attitude.
+    #[serde(default)]
+    pub on_base: Vec<CameraOnBase>,
+    /// How sure the camera is of where things appear, over the image; `None`: no error bars, or a file of an earlier version.
+    #[serde(default)]
+    pub projection_uncertainty: Option<ProjectionUncertainty>,
     /// What to beware of.
     #[serde(default, with = "warning::list")]
     pub warnings: Vec<Warning>,
@@ -173,6 +184,7 @@ impl Calibration {
             }
         }
         self.camera_height_m = Some(height_m);
+        self.camera_height_sigma_m = None;
         Ok(self)
     }
 }

@@ -146,8 +146,8 @@ const LENS_ON_AXIS_ASSUMED: (&str, &str) = (
      it saw, is an error of fx (10 mm before things 2 m away: 0.5 %), and is not in the error bars where the images do not show it",
 );
 
-/// At what a warning leaves an answer; `None`: it says nothing of whether the error bars hold.
-fn level_with(warning: &Warning) -> Option<VerdictLevel> {
+/// At what a warning leaves an answer; `None`: it says nothing of whether the error bars hold. The worse the level, the graver the warning.
+pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
     match warning {
         Warning::PicturesDepart { .. }
         | Warning::PriorContradicted(_)

@@ -24,6 +24,8 @@ pub mod evidence;
 pub mod fit;
 pub mod judge;
 pub mod motions;
+pub mod on_base;
+pub mod projection;
 pub mod verdict;
 pub mod views;
 pub mod warning;
@@ -34,6 +36,8 @@ pub use camera::{Camera, DistortionReport, LensSource, Method, MotionKind, Prior
 pub use covariance::{Covariance, StandardDeviation};
 pub use fit::{Fit, Refinement, ResidualReport};
 pub use motions::{MotionDiagnosis, MotionReport, MotionVerdict};
+pub use on_base::CameraOnBase;
+pub use projection::ProjectionUncertainty;
 pub use verdict::{Verdict, VerdictLevel, VerdictReason};
 pub use views::{AttitudeReport, FloorHomography, ViewParameter, ViewReport};
 pub use warning::{PictureDeparture, PrincipalPointDoubt, Warning, WarningReport};
