@@ -6,8 +6,8 @@ use groundcal::{
     numerics::statistics::NORMAL_95,
     remedy::Wording,
     result::{
-        Calibration, CameraOnBase, LensSource, Method, MotionReport, Parameter, Scene, Verdict, VerdictLevel,
-        VerdictReason, judge::level_with,
+        Calibration, CameraOnBase, LensSource, Method, MotionKind, MotionReport, Parameter, Scene, Verdict,
+        VerdictLevel, VerdictReason, judge::level_with,
     },
 };
 
@@ -197,9 +197,10 @@ fn turns_on_the_spot(c: &Calibration) -> bool {
 fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
     let [width, height] = c.camera.image_size;
     let used = c.motions.iter().filter(|m| m.used).count();
+    let general = c.motion == Some(MotionKind::General);
     let mut list = vec![
         ("Images", format!("{}, {width} x {height} px", c.evidence.images.len())),
-        ("Motions used", format!("{used} of {} pairs", c.motions.len())),
+        (if general { "Pairs used" } else { "Motions used" }, format!("{used} of {} pairs", c.motions.len())),
     ];
     let refinement = c.fit.refinement.as_ref();
     if let Some((rms_px, r)) = refinement.and_then(|r| Some((r.reprojection_rms_px?, r))) {
@@ -213,6 +214,8 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
     }
     if turns_on_the_spot(c) {
         list.push(("Scene", "far away: it turned on the spot".into()));
+    } else if general {
+        list.push(("Motion", "any, before one plane".into()));
     } else {
         list.push(("Attitudes", c.attitudes.len().to_string()));
     }
@@ -253,7 +256,11 @@ fn how(c: &Calibration) -> Vec<(&'static str, String)> {
     };
     let estimated = if c.attitude_sigma_estimated { ", estimated" } else { "" };
     let mut list = vec![("Method", method.to_string()), ("Constraint", c.constraint.to_string())];
-    list.push(("Attitude sigma", format!("{} deg a view{estimated}", fixed(c.attitude_sigma_deg, 3))));
+    let attitude_sigma = match c.motion {
+        Some(MotionKind::General) => "every view has an attitude of its own".into(),
+        _ => format!("{} deg a view{estimated}", fixed(c.attitude_sigma_deg, 3)),
+    };
+    list.push(("Attitude sigma", attitude_sigma));
     if let Some(r) = &c.fit.refinement {
         if !turns_on_the_spot(c) {
             list.push(("Scene", format!("floor; {} ties between attitudes", r.ties)));

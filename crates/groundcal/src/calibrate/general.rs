@@ -48,8 +48,8 @@ const DIFFERENT: f64 = 4.0;
 const LEAST_MOVED: f64 = 0.02;
 /// Largest variance of the residuals in units of the matching noise: of bent boards it is up to 2, of a street corner 24.
 const MAX_VARIANCE: f64 = 5.0;
-/// Largest design effect of the residuals: of bent boards it is up to 5, of scenes of the bench that are not one plane 14 to 50.
-const MAX_DESIGN_EFFECT: f64 = 10.0;
+/// Largest design effect of the residuals: of bent boards it is up to 5, of scenes of the bench that are not one plane 9 to 50.
+const MAX_DESIGN_EFFECT: f64 = 8.0;
 /// Median squared residual of a pair, in that of all pairs, from which on it shows another plane: five deviations.
 const OTHER_PLANE: f64 = 25.0;
 /// Angle between the plane's normals as the views see it, degrees, below which the focal length hardly shows: its standard deviation falls
