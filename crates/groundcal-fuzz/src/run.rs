@@ -10,7 +10,13 @@ use std::{
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::{mutate::mutated, seeds, signature::Signatures, targets::Target, watch::Watch};
+use crate::{
+    mutate::mutated,
+    seeds,
+    signature::Signatures,
+    targets::Target,
+    watch::{Watch, processor_time},
+};
 
 /// Inputs that are kept of one target, and findings after which it ends.
 const MOST_POOL: usize = 20_000;
@@ -128,7 +134,7 @@ impl Run<'_> {
             }
         }
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed);
-        let start = Instant::now();
+        let (start, used_before) = (Instant::now(), processor_time());
         while start.elapsed() < self.time {
             let [one, other] = [0; 2].map(|_| rng.random_range(0..pool.len()));
             let bytes = mutated(&mut rng, &pool[one], &pool[other], self.target.is_text);
@@ -137,7 +143,11 @@ impl Run<'_> {
                 pool.push(bytes);
             }
         }
-        println!("{}: {found}, {} signatures, {:.0} s", self.target.name, known.count(), start.elapsed().as_secs_f64());
+        // Beside other work it has a part of the time only.
+        let worked = processor_time().zip(used_before).map(|(now, before)| now.saturating_sub(before).as_secs_f64());
+        let worked = worked.map_or_else(String::new, |s| format!(", {s:.0} s of work"));
+        let (name, count, seconds) = (self.target.name, known.count(), start.elapsed().as_secs_f64());
+        println!("{name}: {found}, {count} signatures, {seconds:.0} s{worked}");
         Ok(found)
     }
 }

@@ -79,7 +79,7 @@ fn give_up(input: &Path, kept: &Path, why: &str) -> ! {
 }
 
 /// Time of processors that this process has had, where the system says it: hundredths of a second, of the program and of the system for it.
-fn processor_time() -> Option<Duration> {
+pub(crate) fn processor_time() -> Option<Duration> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
     // The name, in brackets, may hold anything.
     let after_name = stat.rsplit_once(')')?.1;

@@ -247,7 +247,7 @@ fn what_stands_still_and_damaged_images_are_in_the_error() {
     bytes.truncate(bytes.len() * 9 / 10);
     bytes.extend([0xff, 0xd9]);
     std::fs::write(&jpeg, bytes).unwrap();
-    let run = calibrate(&[text(&of("0a.png")), text(&of("1a.png")), text(&jpeg), "--json".into()]);
+    let run = calibrate(&[text(&of("0a.png")), text(&of("1a.png")), text(&jpeg)]);
     assert_eq!(run.code, 3, "{}", run.stderr);
     let error: Value = serde_json::from_str(&run.stdout).unwrap();
     let notes = error["error"]["notes"].as_array().unwrap();

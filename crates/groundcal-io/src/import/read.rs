@@ -77,7 +77,7 @@ pub fn read_camera(argument: impl AsRef<OsStr>) -> Result<ImportedCamera, IoErro
                 format!("no camera {}: {}", plain(&name), hint())
             })
         })?,
-        None if cameras.len() > 1 => return Err(fail(format!("{} cameras, one is read: {}", cameras.len(), hint()))),
+        None if cameras.len() > 1 => return Err(fail(format!("{} cameras, say which: {}", cameras.len(), hint()))),
         None => 0,
     };
     Ok(cameras.swap_remove(at))
