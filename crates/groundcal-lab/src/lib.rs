@@ -4,7 +4,6 @@
 
 #![forbid(unsafe_code)]
 
-pub mod division;
 pub mod error;
 pub mod experiments;
 pub mod lies;

@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use groundcal::{
-    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options},
+    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection},
     geometry::{camera::Camera, constraint::Constraint, lens::Lens, size::ImageSize},
     result::PriorParameter,
     start::linear_camera::GivenPrior,
@@ -30,6 +30,7 @@ const TYPES: [(&str, &str); 36] = [
     ("constraint", "a string"),
     ("method", "a string"),
     ("homographies", "a string"),
+    ("radial", "a string"),
     ("lens", "a string"),
     ("principal_point_px", "a pair of numbers (x, y) in pixels"),
     ("aspect", "a number"),
@@ -114,6 +115,8 @@ const MOTIONS: [(&str, MotionModel); 4] = [
 ];
 const METHODS: [(&str, Method); 4] =
     [("joint", Method::Joint), ("linear", Method::Linear), ("kzr", Method::Kzr), ("rotating", Method::Rotating)];
+const RADIAL: [(&str, RadialCorrection); 2] =
+    [("per-pair", RadialCorrection::PerPair), ("closed-form", RadialCorrection::ClosedForm)];
 const HOMOGRAPHIES: [(&str, HomographyFit); 2] =
     [("linear", HomographyFit::Linear), ("nonlinear", HomographyFit::NonLinear)];
 
@@ -214,6 +217,7 @@ impl Asked {
             constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
             method: named(given, "method", &METHODS)?.unwrap_or_default(),
             homographies: named(given, "homographies", &HOMOGRAPHIES)?.unwrap_or_default(),
+            radial: named(given, "radial", &RADIAL)?.unwrap_or_default(),
             lens: named(given, "lens", &LENS_MODELS)?.unwrap_or_default(),
             principal_point_px: taken::<(f64, f64)>(given, "principal_point_px")?.map(|(x, y)| [x, y]),
             aspect: taken(given, "aspect")?,

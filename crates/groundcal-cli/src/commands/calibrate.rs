@@ -4,7 +4,9 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{HomographyFit, Method, Options, calibrate_images, calibrate_matches, earlier::priors_of},
+    calibrate::{
+        HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, earlier::priors_of,
+    },
     geometry::{camera::Camera, lens::Lens, size::ImageSize},
     result::{Calibration, Warning},
     start::linear_camera::GivenPrior,
@@ -103,6 +105,10 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_enum)]
     pub(crate) homographies: Option<HomographiesArg>,
 
+    /// How a radial distortion of one parameter is corrected in each pair by itself, for `--method kzr` [default: not at all]
+    #[arg(long, value_enum)]
+    pub(crate) radial: Option<RadialArg>,
+
     /// The lens: what is estimated of it (`none`: the error bars do not cover it)
     #[arg(long = "lens", visible_alias = "distortion", value_enum, default_value_t = DistortionArg::Auto)]
     pub(crate) distortion: DistortionArg,
@@ -196,7 +202,7 @@ pub(crate) enum MethodArg {
     /// points and polished to the maximum likelihood, the lens estimated, the floor matched again patch by patch
     Linear,
     /// The same as published, for comparison: homographies, their eigenvectors, one linear system with all weights one, Cholesky. No lens
-    /// (undo it first), no weights, nothing polished
+    /// of all pictures (undo it first, or see `--radial`), no weights, nothing polished
     Kzr,
     /// All pairs taken for rotations about the optical centre (Hartley 1994): a pan-tilt camera on the spot, no floor needed. Wrong
     /// for a camera that moves; `joint` recognises cameras that turn on the spot by itself
@@ -210,6 +216,24 @@ pub(crate) enum HomographiesArg {
     Linear,
     /// Maximum likelihood, with errors in both images
     Nonlinear,
+}
+
+/// [`RadialCorrection`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum RadialArg {
+    /// Minimised together with each homography
+    PerPair,
+    /// In closed form: biased by noise
+    ClosedForm,
+}
+
+impl From<RadialArg> for RadialCorrection {
+    fn from(value: RadialArg) -> Self {
+        match value {
+            RadialArg::PerPair => RadialCorrection::PerPair,
+            RadialArg::ClosedForm => RadialCorrection::ClosedForm,
+        }
+    }
 }
 
 impl From<HomographiesArg> for HomographyFit {
@@ -455,6 +479,7 @@ fn options(args: &CalibrateArgs) -> Options {
         lens: args.distortion.into(),
         method: args.method.into(),
         homographies: args.homographies.map_or_else(HomographyFit::default, Into::into),
+        radial: args.radial.map_or_else(RadialCorrection::default, Into::into),
         priors: args.prior.clone(),
         height_sigma: args.height_sigma,
         distortion: match [args.k1, args.k2].map(|k| k.unwrap_or(0.0)) {

@@ -9,7 +9,6 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
-use crate::division::{DivisionModel, division_closed_form, refine_division};
 use crate::studies::{
     figure4::{Condition, linear_circular_point, quantile, scene},
     setting::Setting,
@@ -19,6 +18,7 @@ use groundcal::{
     numerics::linalg::{ComplexPoint, complex_pair_eigen},
     pairs::{
         correspondence::PointMatch,
+        division::{DivisionModel, division_closed_form, refine_division},
         refine::{HomographyEstimate, RefineOptions, refine},
     },
     start::absolute_conic::{Constraint, intrinsics_of, solve_unweighted},

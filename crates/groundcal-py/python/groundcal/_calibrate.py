@@ -164,6 +164,7 @@ def calibrate(
     constraint: Constraint = "auto",
     method: Literal["joint", "linear", "kzr", "rotating"] = "joint",
     homographies: Literal["linear", "nonlinear"] | None = None,
+    radial: Literal["per-pair", "closed-form"] | None = None,
     lens: Lens = "k1k2",
     distortion: Mapping[str, Any] | Path | Calibration | None = None,
     priors: Mapping[str, tuple[float, float]] | None = None,
@@ -211,6 +212,8 @@ def calibrate(
         method: ``"joint"``, ``"linear"`` (the paper's closed form, weighted and polished, with patches and the lens), ``"kzr"`` (the
             paper's as published: no weights, no lens), ``"rotating"`` (a pan-tilt camera on the spot).
         homographies: How those of ``"kzr"`` are fitted: ``"nonlinear"`` (the default) or ``"linear"``.
+        radial: How ``"kzr"`` corrects a radial distortion of one parameter, in each pair by itself: ``"per-pair"`` (minimised with the
+            homography) or ``"closed-form"`` (biased by noise); by default not at all.
         lens: What is estimated of the lens: ``"k1k2"``, ``"k1"``, ``"none"``.
         distortion: A known lens, which is held: ``{"k1": -0.1, "k2": 0.02}`` (with ``"model": "radtan"``, ``"division"``), a
             Calibration or the path of a camera file, fisheyes too.
@@ -253,6 +256,7 @@ def calibrate(
         "constraint": constraint,
         "method": method,
         "homographies": homographies,
+        "radial": radial,
         "lens": lens,
         "distortion": distortion._handle if isinstance(distortion, Calibration) else distortion,
         "priors": dict(priors) if isinstance(priors, Mapping) else priors,

@@ -31,6 +31,7 @@ use crate::{
         known_lens::{KnownLens, find_fisheye, find_lens, find_placement, lens_of_motions},
         observation::{PairObservation, images_of, why_no_motion},
         observe::{observe, observe_anew, refit_linearly},
+        pair_lens::{PairLensOptions, RadialCorrection, correct_each},
         patch::match_by_patches,
         placed_lens::PlacedLens,
     },
@@ -239,7 +240,14 @@ fn observe_pairs(
         }
         KnownLens::Given(measured)
     };
-    Ok((observe(pairs, lens.lens(), &stages.observe, observer)?, lens))
+    let pairs = observe(pairs, lens.lens(), &stages.observe, observer)?;
+    if options.radial == RadialCorrection::None {
+        return Ok((pairs, lens));
+    }
+    let linear = options.homographies == HomographyFit::Linear;
+    let of_pairs = PairLensOptions { correction: options.radial, linear, observe: stages.observe };
+    let (pairs, middle) = correct_each(pairs, &of_pairs, observer)?;
+    Ok((pairs, middle.map_or(lens, KnownLens::OfPairs)))
 }
 
 /// Which pairs are motions, and of what kind: rotations where the method is the rotating camera's; else plane-normal motions, or a
@@ -355,7 +363,7 @@ fn seen_again(found: Found, stages: &StageOptions<'_>, observer: &dyn Observer) 
         } else if let Some(options) = &stages.lens {
             (pairs, selection, lens) = estimated_lens_of_motions(pairs, selection, lens, options, stages, observer)?;
         }
-        if stages.options.homographies == HomographyFit::Linear {
+        if stages.options.homographies == HomographyFit::Linear && stages.options.radial == RadialCorrection::None {
             pairs = refit_linearly(pairs, &stages.frame, observer)?;
         }
         selection = selection.confirmed(&pairs);

@@ -127,7 +127,7 @@ pub(super) fn estimated_lens_of_motions(
 ) -> Result<(Vec<PairObservation>, Selection, KnownLens), Error> {
     let mut finding: Option<LensFinding> = match lens {
         KnownLens::Estimated(finding) => Some(finding),
-        KnownLens::NotModelled | KnownLens::Given(_) | KnownLens::Placed(_) => None,
+        KnownLens::NotModelled | KnownLens::Given(_) | KnownLens::Placed(_) | KnownLens::OfPairs(_) => None,
     };
     for _ in 0..ESTIMATED_ROUNDS {
         selection = selection.confirmed(&pairs);

@@ -22,6 +22,11 @@ impl LensResult {
         match (known, joint) {
             (KnownLens::NotModelled, _) => held(LensSource::NotModelled, Lens::None),
             (KnownLens::Given(lens), _) => held(LensSource::Given, lens.lens),
+            // It acted about the centre that was assumed, in pixels: the coefficient is that of the focal length found.
+            (KnownLens::OfPairs(lens), _) => {
+                let placed = lens.with_focal_length(s.intrinsics.fx);
+                held(LensSource::Estimated, placed.map_or(Lens::None, |placed| placed.lens))
+            }
             (KnownLens::Placed(placement), None) if known.is_estimated() => {
                 held(LensSource::Estimated, placement.lens.lens)
             }

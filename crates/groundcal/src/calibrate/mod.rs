@@ -53,6 +53,7 @@ use crate::{
 };
 
 pub use crate::observer::{Observer, Silent, Stage};
+pub use crate::pairs::pair_lens::RadialCorrection;
 pub use options::{HomographyFit, LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom. What stands still in all of them is set aside

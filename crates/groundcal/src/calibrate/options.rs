@@ -6,6 +6,7 @@ use crate::{
     geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     pairs::{
         known_lens::{K1_SIGMA, K2_SIGMA, K3_SIGMA, P_SIGMA},
+        pair_lens::RadialCorrection,
         robust::RobustOptions,
     },
     refine::{BundleOptions, CameraUnknowns},
@@ -69,6 +70,8 @@ pub struct Options {
     pub method: Method,
     /// How homographies are fitted; [`Method::Kzr`] only.
     pub homographies: HomographyFit,
+    /// How a radial distortion is corrected, about the assumed principal point; [`Method::Kzr`] only.
+    pub radial: RadialCorrection,
     /// What is known of the motion.
     pub motion: MotionModel,
     /// What is assumed of the camera matrix.
@@ -124,6 +127,7 @@ impl Default for Options {
         Self {
             method: Method::default(),
             homographies: HomographyFit::default(),
+            radial: RadialCorrection::default(),
             motion: MotionModel::default(),
             constraint: Constraint::Auto,
             principal_point_px: None,
@@ -244,6 +248,11 @@ impl Options {
     /// What the method as published has no word for.
     fn validate_published(&self) -> Result<(), Error> {
         let fail = |text: &str| Err(Error::InvalidOption(text.into()));
+        if self.method != Method::Kzr && self.radial != RadialCorrection::None {
+            return fail(
+                "a radial correction pair by pair belongs to the published method, kzr: the others estimate the lens",
+            );
+        }
         if self.method != Method::Kzr {
             return if self.homographies == HomographyFit::Linear {
                 fail("linear homographies belong to the published method, kzr: the others refine theirs")
@@ -256,7 +265,8 @@ impl Options {
         }
         if !self.distortion.is_none() {
             return fail(
-                "the published method (kzr) knows no lens: undo the distortion in the pictures first (undistort)",
+                "the published method (kzr) knows no lens of several pairs: undo the distortion in the pictures first (undistort), or let it \
+                 correct each pair by itself (radial)",
             );
         }
         if self.height_sigma.is_some() {

@@ -175,7 +175,7 @@ impl ViewGroups {
 pub(super) fn starting_camera(k: &Intrinsics, lens: &KnownLens, k2_is_held: bool, frame: &Frame) -> CameraState {
     let start = match lens {
         KnownLens::NotModelled => Lens::None,
-        KnownLens::Given(lens) => lens.lens,
+        KnownLens::Given(lens) | KnownLens::OfPairs(lens) => lens.lens,
         KnownLens::Placed(placement) => placement.lens.lens,
         KnownLens::Estimated(finding) => {
             finding.lens().and_then(|l| l.with_focal_length(k.fx)).map_or(Lens::None, |l| l.lens)

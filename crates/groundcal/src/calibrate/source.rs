@@ -25,6 +25,7 @@ use crate::{
     pairs::{
         correspondence::{ImagePair, validated},
         observation::PairObservation,
+        pair_lens::RadialCorrection,
         refine::HomographyEstimate,
     },
     result::Warning,
@@ -187,6 +188,9 @@ pub(super) fn from_homographies<'a>(
     options.validate(size)?;
     if !options.distortion.is_none() {
         return Err(Error::InvalidOption("a lens distortion cannot be undone in homographies".into()));
+    }
+    if options.radial != RadialCorrection::None {
+        return Err(Error::InvalidOption("a radial distortion cannot be corrected in homographies".into()));
     }
     if homographies.is_empty() {
         return Err(Error::InvalidInput("no homographies at all".into()));

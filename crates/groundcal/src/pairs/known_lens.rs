@@ -66,6 +66,8 @@ pub(crate) enum KnownLens {
     Placed(LensPlacement),
     /// Estimated, or found to be none.
     Estimated(LensFinding),
+    /// Each pair had its own ([`crate::pairs::pair_lens`]); this is the one in their middle.
+    OfPairs(PlacedLens),
 }
 
 impl KnownLens {
@@ -73,7 +75,7 @@ impl KnownLens {
     pub(crate) fn lens(&self) -> Option<&PlacedLens> {
         match self {
             KnownLens::NotModelled => None,
-            KnownLens::Given(lens) => Some(lens),
+            KnownLens::Given(lens) | KnownLens::OfPairs(lens) => Some(lens),
             KnownLens::Placed(placement) => Some(&placement.lens),
             KnownLens::Estimated(finding) => finding.lens(),
         }
@@ -84,7 +86,7 @@ impl KnownLens {
         match self {
             KnownLens::Estimated(_) => true,
             KnownLens::Placed(placement) => placement.of_model_alone,
-            KnownLens::NotModelled | KnownLens::Given(_) => false,
+            KnownLens::NotModelled | KnownLens::Given(_) | KnownLens::OfPairs(_) => false,
         }
     }
 }

@@ -2,11 +2,13 @@
 
 pub mod circular_points;
 pub mod correspondence;
+pub mod division;
 pub mod dlt;
 pub(crate) mod known_lens;
 pub(crate) mod lens_placement;
 pub(crate) mod observation;
 pub(crate) mod observe;
+pub mod pair_lens;
 pub(crate) mod patch;
 pub mod placed_lens;
 pub mod plane_lens;

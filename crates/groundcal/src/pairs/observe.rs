@@ -45,7 +45,7 @@ const MAX_PATCH_NOISE: f64 = 6.0;
 const NEAR_LIMIT: f64 = 0.6;
 pub(crate) const COARSEST_PX: f64 = 16.0;
 /// Where no model takes any point to.
-const OUT_OF_REACH_PX: f64 = 1e7;
+pub(crate) const OUT_OF_REACH_PX: f64 = 1e7;
 /// Width over length below which points count as lying on a line.
 const ON_A_LINE: f64 = 0.01;
 
@@ -191,7 +191,10 @@ fn key_of(matches: &[PointMatch]) -> u64 {
 }
 
 /// From features, or from points given.
-fn outcome_of_matches(
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn outcome_of_matches(
     pair: &ImagePair,
     lens: Option<&PlacedLens>,
     options: &ObserveOptions,

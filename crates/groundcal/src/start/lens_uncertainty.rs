@@ -22,7 +22,7 @@ pub(crate) fn covariance_of_lens(
     solve: impl Fn(&PlacedLens) -> Result<Intrinsics, Error>,
 ) -> Result<Option<SMatrix<f64, 5, 5>>, Error> {
     match known {
-        KnownLens::NotModelled | KnownLens::Given(_) => Ok(None),
+        KnownLens::NotModelled | KnownLens::Given(_) | KnownLens::OfPairs(_) => Ok(None),
         KnownLens::Estimated(finding) => {
             added(&finding.reference(), &finding.estimate.covariance, plane_lens::moved, solve).map(Some)
         }

@@ -1,9 +1,13 @@
 //! The method as Knight, Zisserman & Reid published it (`Method::Kzr`): exact data, the three steps done by hand, its error bars.
 
 use groundcal::{
-    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
+    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches},
     error::Error,
-    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens},
+    geometry::{
+        frame::Frame,
+        intrinsics::Intrinsics,
+        lens::{Division, Lens},
+    },
     numerics::linalg::{ComplexPoint, complex_pair_eigen},
     pairs::{
         correspondence::{ImagePair, PointMatch},
@@ -112,9 +116,71 @@ fn what_it_has_no_word_for_is_refused() {
     let kzr = || options(HomographyFit::NonLinear);
     refused(Options { distortion: Lens::radial(-0.1, 0.0), ..kzr() });
     refused(Options { height_sigma: Some(0.0), ..kzr() });
+    refused(Options { radial: RadialCorrection::PerPair, method: Method::Linear, ..kzr() });
     refused(Options { motion: MotionModel::Turning, ..kzr() });
     refused(Options { method: Method::Joint, ..options(HomographyFit::Linear) });
     // Two motions for the five unknowns.
     let full = Options { constraint: Constraint::Full, pairs: Some(vec![(0, 1), (2, 3)]), ..kzr() };
     assert!(matches!(calibrated(&scene, &full), Err(Error::TooFewAttitudes { needed: 3, .. })));
+}
+
+const CORRECTIONS: [RadialCorrection; 2] = [RadialCorrection::PerPair, RadialCorrection::ClosedForm];
+/// A camera whose lens acts about the image's centre.
+const CENTRED: Intrinsics = Intrinsics { fx: 1000.0, fy: 1000.0, cx: 639.5, cy: 479.5, skew: 0.0 };
+
+fn through_lens(lens: Lens, sigma_px: f64, seed: u64) -> PointScene {
+    PointScene { intrinsics: CENTRED, lens, sigma_px, ..PointScene::nominal(seed) }
+}
+
+#[test]
+fn exact_matches_through_a_lens_of_one_parameter_give_the_exact_camera_and_lens() {
+    for lambda in [-0.2, 0.05] {
+        for radial in CORRECTIONS {
+            for homographies in BOTH {
+                let scene = through_lens(Lens::Division(Division::new(lambda)), 0.0, 4);
+                let c = calibrated(&scene, &Options { radial, ..options(homographies) }).unwrap();
+                for (found, truth) in numbers(&c.camera.intrinsics()).iter().zip(numbers(&CENTRED)) {
+                    assert!((found - truth).abs() < 1e-4, "{lambda} {radial:?} {homographies:?}: {found} {truth}");
+                }
+                let [found] = c.camera.lens().parameters()[..] else { panic!("{:?}", c.camera.lens()) };
+                assert!((found - lambda).abs() < 1e-7, "{found} {lambda}");
+            }
+        }
+    }
+}
+
+/// Errors of fx, per cent, over seeds; `None`: refused.
+fn errors(scene: impl Fn(u64) -> PointScene + Sync, radial: RadialCorrection) -> Vec<Option<f64>> {
+    let error = |seed: u64| {
+        let c = calibrated(&scene(seed), &Options { radial, ..options(HomographyFit::NonLinear) });
+        c.ok().map(|c| 100.0 * (c.camera.fx / CENTRED.fx - 1.0))
+    };
+    (0..60u64).into_par_iter().map(error).collect()
+}
+
+/// None of them may be refused.
+fn mean_and_its_deviation(values: &[Option<f64>]) -> (f64, f64) {
+    let values: Vec<f64> = values.iter().map(|v| v.expect("a camera")).collect();
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt())
+}
+
+/// The lens is that of Brown and Conrady, which the one parameter follows nearly.
+#[test]
+fn with_noise_what_is_minimised_is_right_and_the_closed_form_is_biased() {
+    let lens = Lens::radial(-0.2, 0.0);
+    let of = |sigma_px: f64, radial| errors(|seed| through_lens(lens, sigma_px, seed), radial);
+    let ignored = of(0.0, RadialCorrection::None);
+    let model = CORRECTIONS.map(|radial| mean_and_its_deviation(&of(0.0, radial)).0);
+    let noisy = CORRECTIONS.map(|radial| mean_and_its_deviation(&of(0.5, radial)));
+    println!(
+        "error of fx, %: ignored {ignored:.1?}; of the model, minimised and in closed form {model:.3?}; with 0.5 px {noisy:.3?}"
+    );
+    // What is left without noise is what the one parameter lacks of k1.
+    let farthest = model[0].abs().max(model[1].abs());
+    assert!(ignored.iter().flatten().all(|error| error.abs() > 5.0 * farthest), "{ignored:.1?}");
+    let [(minimised, its_deviation), (closed_form, deviation)] = noisy;
+    assert!((minimised - model[0]).abs() < 3.0 * its_deviation, "{minimised} +- {its_deviation}");
+    assert!((closed_form - model[1]).abs() > 5.0 * deviation, "{closed_form} +- {deviation}");
 }

@@ -16,23 +16,20 @@
 //! minimise over H_m, λ, x̂_i:   Σ ( |a_i - x̂_i|² + |b_i - d(H_m u(x̂_i))|² ) / σ_i²,      d(u) = 2 u / (1 + √(1 - 4 λ |u|²)) = u⁻¹
 //! ```
 //!
-//! the points x̂ eliminated as in [`groundcal::pairs::refine`]. To first order λ = k1 (s / f)² for a frame of scale s px: a small k1 of
+//! the points x̂ eliminated as in [`crate::pairs::refine`]. To first order λ = k1 (s / f)² for a frame of scale s px: a small k1 of
 //! Brown-Conrady bends as much.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x3, Matrix3, SMatrix, SVector, Vector2, Vector3};
 
-use groundcal::{
+use crate::{
     error::Error,
-    geometry::frame::Frame,
+    geometry::{frame::Frame, homography::Homography},
     numerics::{
         levenberg_marquardt::{LeastSquares, NormalEquations, minimise},
         linalg::{inverse_spd, matrix_from_rows, rows_of, sphere_tangent, symmetric_eigen},
     },
-    pairs::correspondence::PointMatch,
-};
-use groundcal::{
-    geometry::homography::Homography,
     pairs::{
+        correspondence::PointMatch,
         dlt::direct_linear_transformation,
         refine::{HomographyEstimate, RefineOptions, to_frame},
     },
@@ -374,7 +371,7 @@ pub fn refine_division(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::synthetic::points::PointScene;
+    use crate::synthetic::points::PointScene;
     use rand::SeedableRng;
     use rand_distr::{Distribution, StandardNormal};
     use rand_pcg::Pcg64Mcg;
