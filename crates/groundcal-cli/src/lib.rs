@@ -43,13 +43,16 @@ pub use interrupt::end_on_signals;
 /// ```
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let args = with_command(args.into_iter().collect());
-    let cli = match parsed(&args) {
+    let mut cli = match parsed(&args) {
         Ok(cli) => cli,
         Err(error) => {
             print_words_of_clap(&args, &error);
             return u8::try_from(error.exit_code()).unwrap_or(error::OTHER);
         }
     };
+    if let Command::Calibrate(of) = &mut cli.command {
+        of.command_line = command_line(&args);
+    }
     terminal::set_quiet(cli.terminal.quiet);
     let json = cli.command.prints_json();
     let color = cli.terminal.color;
@@ -73,6 +76,20 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             error.exit_code()
         }
     }
+}
+
+/// As it could be typed again.
+fn command_line(args: &[OsString]) -> String {
+    let word = |arg: &OsString| {
+        let text = arg.to_string_lossy();
+        let plain = |c: char| c.is_alphanumeric() || "-_./=,:+#@%".contains(c);
+        match text.chars().all(plain) && !text.is_empty() {
+            true => text.into_owned(),
+            false => format!("'{}'", text.replace('\'', "'\\''")),
+        }
+    };
+    let rest: Vec<String> = args.iter().skip(1).map(word).collect();
+    text::printable(&format!("groundcal {}", rest.join(" "))).into_owned()
 }
 
 /// The command line as the parser reads it, with colours as it says itself.

@@ -192,8 +192,8 @@ fn the_camera_stands_with_its_error_bars() {
 
 #[test]
 fn the_page_has_every_section_and_its_numbers() {
-    let page = html::page(&calibration("<m>", Method::Joint), &[], &Plain).unwrap();
-    for id in ["warnings", "camera", "motions", "residuals", "floor", "attitudes", "tables"] {
+    let page = html::page(&calibration("<m>", Method::Joint), &[], &Plain, Some("groundcal calibrate <m>")).unwrap();
+    for id in ["warnings", "camera", "images", "projection", "motions", "residuals", "floor", "attitudes", "tables"] {
         assert!(page.contains(&format!("<section id=\"{id}\"")), "{id}");
     }
     assert!(page.contains("&lt;m&gt;00.jpg") && !page.contains("<m>00.jpg"));

@@ -182,6 +182,10 @@ pub(crate) struct CalibrateArgs {
     #[arg(long)]
     pub(crate) json: bool,
 
+    /// The command line itself, for the page.
+    #[arg(skip)]
+    pub(crate) command_line: String,
+
     #[command(flatten)]
     pub(crate) overwrite: OverwriteArg,
 
@@ -329,7 +333,11 @@ fn calibrate(
     let mut finished = None;
     if let Some(results) = results {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::page(&calibration, &images, &Flags)?) };
+        let page = if args.no_report {
+            None
+        } else {
+            Some(html::page(&calibration, &images, &Flags, Some(&args.command_line))?)
+        };
         for note in write_results(&results, &calibration, &formats(args), page.as_deref())? {
             output::note(&note);
         }
