@@ -38,7 +38,7 @@ use crate::{
     output::{self, Results},
     progress::StageTimes,
     remedies::Flags,
-    scale,
+    scale::{self, Lengths},
     terminal::{self, ColorArg},
 };
 
@@ -325,7 +325,12 @@ fn calibrate(
         CliError::Stopped(_) => error,
         error => progress.noted(error),
     })?;
-    let (scaled, said) = scale::scaled(args, calibration)?;
+    let lengths = Lengths {
+        camera_height_m: args.camera_height,
+        floor_distance: &args.floor_distance,
+        odometry: args.odometry.as_deref(),
+    };
+    let (scaled, said) = scale::scaled(&lengths, calibration)?;
     calibration = scaled;
     for note in said {
         output::note(&note);

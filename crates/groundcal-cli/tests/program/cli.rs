@@ -542,7 +542,7 @@ fn pairs_given_are_the_pairs_looked_at() {
 
 #[test]
 fn summary_has_the_parameters_and_the_warning_about_distortion() {
-    let mut all = args(&TRIPOD_PAIR, &["--constraint", "focal", "--distortion", "none"]);
+    let mut all = args(&TRIPOD_PAIR, &["--constraint", "focal", "--distortion", "none", "--verbose"]);
     all.insert(0, "calibrate".into());
     let outcome = groundcal(&all);
     assert_eq!((outcome.code, outcome.stderr.as_str()), (0, ""));

@@ -10,7 +10,7 @@ mod projection;
 mod residuals;
 mod tables;
 
-use groundcal::result::{Calibration, Method, Scene};
+use groundcal::result::{Calibration, Method, MotionKind, Scene};
 
 use crate::{
     canvas::svg::escape,
@@ -88,13 +88,16 @@ fn headline(c: &Calibration, model: &Model) -> String {
     };
     format!(
         "<h1>Camera calibration</h1>\n{}<p class=\"lead\"><strong>{f}</strong></p>\n{}{}\
-         <p>{} of {w} \u{d7} {h} px, {used} of {} pairs used as motions, {}; constraint {}, {}; {warned}.</p>\n",
+         <p>{} of {w} \u{d7} {h} px, {used} of {} pairs used as {}; constraint {}, {}; {warned}.</p>\n",
         verdict(c),
         errors(c),
         copy::block(c),
         counted(c.evidence.images.len(), "image"),
         c.motions.len(),
-        counted(c.attitudes.len(), "attitude"),
+        match c.motion {
+            Some(MotionKind::General) => "views of one plane, each with an attitude of its own".to_string(),
+            _ => format!("motions, {}", counted(c.attitudes.len(), "attitude")),
+        },
         escape(c.constraint.name()),
         match c.method {
             Method::Joint => "joint refinement",
