@@ -25,7 +25,7 @@ use pyo3::{
 use crate::{failure::Failure, handle::Handle, nearest::no_such};
 
 /// What each keyword has to be.
-const TYPES: [(&str, &str); 36] = [
+const TYPES: [(&str, &str); 37] = [
     ("motion", "a string"),
     ("constraint", "a string"),
     ("method", "a string"),

@@ -209,7 +209,6 @@ mod tests {
         }
         // A trial's mean of squares is made of some three independent directions: its deviation is 0.8 of its mean, that of 40 trials' mean 0.13.
         let ratio = ratio / f64::from(count);
-        println!("squared errors over expected ones: {ratio}");
         assert!((0.6..1.4).contains(&ratio), "{ratio}");
     }
 

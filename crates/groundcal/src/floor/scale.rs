@@ -42,9 +42,9 @@ pub struct KnownDistance {
 /// pixels.
 pub fn with_floor_distance(c: Calibration, image: &str, known: &KnownDistance) -> Result<Calibration, Error> {
     let positive = |v: f64| v.is_finite() && v > 0.0;
-    if !positive(known.metres) || !(known.metres_sigma >= 0.0 && known.metres_sigma < known.metres) {
+    if !(positive(known.metres) && (0.0..known.metres).contains(&known.metres_sigma)) {
         return Err(Error::InvalidOption(format!(
-            "a distance of {} +- {} m on the floor: it must be positive, and known better than by half",
+            "a distance of {} +- {} m on the floor: it must be positive, and its deviation smaller than itself",
             known.metres, known.metres_sigma
         )));
     }
