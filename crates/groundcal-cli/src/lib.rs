@@ -42,7 +42,7 @@ pub use interrupt::end_on_signals;
 /// assert_eq!(groundcal_cli::run(["groundcal", "calibrate"].map(Into::into)), 2);
 /// ```
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let args = with_command(args.into_iter().collect());
+    let args = points_last(with_command(args.into_iter().collect()));
     let mut cli = match parsed(&args) {
         Ok(cli) => cli,
         Err(error) => {
@@ -78,7 +78,10 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// As it could be typed again.
+/// Options that decide where results go and how fast, not what they are.
+const OF_THE_RUN: [&str; 4] = ["--out", "--threads", "--overwrite", "--json"];
+
+/// As it could be typed again, without what makes no difference to the results: the same input gives the same page.
 fn command_line(args: &[OsString]) -> String {
     let word = |arg: &OsString| {
         let text = arg.to_string_lossy();
@@ -88,7 +91,20 @@ fn command_line(args: &[OsString]) -> String {
             false => format!("'{}'", text.replace('\'', "'\\''")),
         }
     };
-    let rest: Vec<String> = args.iter().skip(1).map(word).collect();
+    let mut rest: Vec<String> = Vec::new();
+    let mut all = args.iter().skip(1);
+    while let Some(arg) = all.next() {
+        let text = arg.to_string_lossy();
+        match OF_THE_RUN.iter().find(|name| text.split('=').next() == Some(**name)) {
+            Some(name) => {
+                // A value may stand by itself.
+                if ["--out", "--threads"].contains(name) && !text.contains('=') {
+                    all.next();
+                }
+            }
+            None => rest.push(word(arg)),
+        }
+    }
     text::printable(&format!("groundcal {}", rest.join(" "))).into_owned()
 }
 
@@ -111,6 +127,21 @@ fn with_command(mut args: Vec<OsString>) -> Vec<OsString> {
         args.insert(1, "calibrate".into());
     }
     args
+}
+
+/// Coordinates of `groundcal floor` may begin with a minus, which the parser takes for an option: they go last, after `--`.
+fn points_last(args: Vec<OsString>) -> Vec<OsString> {
+    if args.get(1).is_none_or(|word| word != "floor") || args.iter().any(|word| word == "--") {
+        return args;
+    }
+    let is_point =
+        |word: &OsString| word.to_str().is_some_and(|text| text.starts_with('-') && args::parse_point(text).is_ok());
+    if !args.iter().any(is_point) {
+        return args;
+    }
+    let of_points = |word: &OsString| word.to_str().is_some_and(|text| args::parse_point(text).is_ok());
+    let (points, rest): (Vec<OsString>, Vec<OsString>) = args.into_iter().partition(of_points);
+    rest.into_iter().chain(["--".into()]).chain(points).collect()
 }
 
 /// Help and version on standard output, errors on standard error. Arguments that errors repeat may hold anything; then they are shown

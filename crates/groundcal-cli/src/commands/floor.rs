@@ -40,7 +40,7 @@ pub(crate) struct FloorArgs {
     pub(crate) view: String,
 
     /// Pixels; points of the floor with --to-pixels
-    #[arg(required = true, value_name = "X,Y", value_parser = parse_point, allow_hyphen_values = true)]
+    #[arg(required = true, value_name = "X,Y", value_parser = parse_point)]
     pub(crate) points: Vec<[f64; 2]>,
 
     /// From points of the floor to pixels

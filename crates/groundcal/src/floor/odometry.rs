@@ -380,7 +380,10 @@ mod tests {
                 }
             }
             // 93 to 97 %.
-            assert!(held.iter().all(|h| (465..=485).contains(h)), "stretch {stretch}: {held:?} of {TRIALS}, {squares:?}");
+            assert!(
+                held.iter().all(|h| (465..=485).contains(h)),
+                "stretch {stretch}: {held:?} of {TRIALS}, {squares:?}"
+            );
         }
     }
 
