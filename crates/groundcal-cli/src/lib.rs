@@ -209,7 +209,7 @@ enum Command {
     Plan(Box<plan::PlanArgs>),
     /// The simulation study of the paper: error of the focal length on synthetic matches, as table and figure
     Simulate(simulate::SimulateArgs),
-    /// The four experiments of the paper on rendered scenes: tables of errors against exact truth
+    /// The experiments of the paper on rendered scenes: tables of errors against exact truth
     Experiment(experiment::ExperimentArgs),
     /// Points of the floor from pixels of a view, and back, with error bars; distances on it
     Floor(floor::FloorArgs),

@@ -69,6 +69,10 @@ const NORMAL_QUARTILES_APART: f64 = 1.3490;
 /// Deviations that none of some 3500 comparisons should reach.
 const NEVER: f64 = 5.0;
 
+/// Scenes of the study of subsets, of each of which there are many subsets: in its reference, and in a run here.
+const REFERENCE_SCENES: f64 = 200.0;
+const SCENES: f64 = 20.0;
+
 /// The probability of five deviations, on both sides.
 const NEVER_P: f64 = 5.7e-7;
 
@@ -131,30 +135,26 @@ fn agrees_with_reference(study: &str, path: &Path) {
         let value = |line: &BTreeMap<String, String>, column: &str| -> f64 {
             line[column].parse().unwrap_or_else(|_| panic!("{study} {column}: {line:?}"))
         };
-        let counts = |line| [value(line, "failures"), value(line, "trials")];
-        assert!(probability(counts(old), counts(new)) > NEVER_P, "{study}: failures {old:?} {new:?}");
+        // Subsets of one scene share its motions: only scenes are independent, and a part of the subsets fails that is as good as a part of them.
+        let scenes = |line, of_subsets: f64| if study == "subsets" { of_subsets } else { value(line, "trials") };
+        let (scenes_old, scenes_new) = (scenes(old, REFERENCE_SCENES), scenes(new, SCENES));
+        let counts = |line, scenes: f64| [(value(line, "failures") / value(line, "trials") * scenes).round(), scenes];
+        assert!(
+            probability(counts(old, scenes_old), counts(new, scenes_new)) > NEVER_P,
+            "{study}: failures {old:?} {new:?}"
+        );
         let [m_old, m_new] = [old, new].map(|l| value(l, "median_percent"));
         if m_old < 1e-7 || !m_old.is_finite() || !m_new.is_finite() {
             // Exact, or no median: the failures have been compared.
             assert!(m_old > 1e-7 || m_new < 1e-7, "{study}: {old:?} {new:?}");
             continue;
         }
-        // Subsets of one scene share its motions: only scenes are independent. There are as many as subsets of the place in the ranking
-        // over those of a scene, a twentieth of all of its size.
-        let of_scene = |line: &BTreeMap<String, String>| match (study, line.get("size").map(String::as_str)) {
-            ("subsets", Some("2")) => 66.0 / 20.0,
-            ("subsets", Some("3")) => 220.0 / 20.0,
-            ("subsets", Some("4")) => 495.0 / 20.0,
-            ("subsets", Some("6")) => 924.0 / 20.0,
-            _ => 1.0,
-        };
-        let independent = |trials: f64| trials / of_scene(old);
         let deviation = |line| {
             let apart = value(line, "upper_quartile_percent") - value(line, "lower_quartile_percent");
-            MEDIAN_OVER_MEAN * apart / NORMAL_QUARTILES_APART / independent(value(line, "trials")).sqrt()
+            MEDIAN_OVER_MEAN * apart / NORMAL_QUARTILES_APART / scenes_old.sqrt()
         };
         // Both from the reference, whose quartiles are better known.
-        let ratio = (value(old, "trials") / value(new, "trials")).sqrt();
+        let ratio = (scenes_old / scenes_new).sqrt();
         let sigma = deviation(old).hypot(deviation(old) * ratio);
         let z = (m_new - m_old) / sigma;
         assert!(z.abs() < NEVER || !sigma.is_finite(), "{study}: {z:.1} deviations: {old:?} {new:?}");

@@ -3,7 +3,7 @@
 use crate::{
     error::LabError,
     experiments::{
-        film, mobile, pan_head,
+        film, lens, mobile, pan_head,
         setup::{Description, ExperimentOptions, ExperimentOutput, Setup},
         subsets, tripod,
     },
@@ -21,12 +21,14 @@ pub enum Experiment {
     MobileHead,
     /// Two frames of a film from a crane that rises.
     Film,
+    /// The tripod through a lens that bends, corrected first.
+    Lens,
 }
 
 impl Experiment {
-    /// All four.
-    pub const ALL: [Experiment; 4] =
-        [Experiment::Tripod, Experiment::PanHead, Experiment::MobileHead, Experiment::Film];
+    /// All of them.
+    pub const ALL: [Experiment; 5] =
+        [Experiment::Tripod, Experiment::PanHead, Experiment::MobileHead, Experiment::Film, Experiment::Lens];
 
     fn description(self) -> Description {
         match self {
@@ -34,6 +36,7 @@ impl Experiment {
             Experiment::PanHead => pan_head::DESCRIPTION,
             Experiment::MobileHead => mobile::DESCRIPTION,
             Experiment::Film => film::DESCRIPTION,
+            Experiment::Lens => lens::DESCRIPTION,
         }
     }
 
@@ -51,6 +54,7 @@ impl Experiment {
             Experiment::Tripod | Experiment::PanHead => subsets::ENDINGS.as_slice(),
             Experiment::MobileHead => mobile::ENDINGS.as_slice(),
             Experiment::Film => film::ENDINGS.as_slice(),
+            Experiment::Lens => &[],
         };
         Ok(Setup::new(&self.description(), options, &Silent)?.file_names(endings))
     }
@@ -60,12 +64,13 @@ impl Experiment {
     /// # Errors
     /// Whatever is not a method's refusal, which is a result: pictures that cannot be made, unusable input.
     pub fn run(self, options: &ExperimentOptions, progress: &dyn Progress) -> Result<ExperimentOutput, LabError> {
-        let setup = Setup::new(&self.description(), options, progress)?;
+        let mut setup = Setup::new(&self.description(), options, progress)?;
         match self {
             Experiment::Tripod => tripod::run(&setup),
             Experiment::PanHead => pan_head::run(&setup),
             Experiment::MobileHead => mobile::run(&setup),
             Experiment::Film => film::run(&setup),
+            Experiment::Lens => lens::run(&mut setup),
         }
     }
 }

@@ -10,7 +10,10 @@ use groundcal::{
     error::Error,
     geometry::{frame::Frame, intrinsics::Intrinsics},
     pairs::{
-        circular_points::from_homography, correspondence::ImagePair, refine::HomographyEstimate,
+        circular_points::from_homography,
+        correspondence::{ImagePair, PointMatch},
+        placed_lens::PlacedLens,
+        refine::HomographyEstimate,
         robust::estimate_robust,
     },
     remedy::Remedy,
@@ -177,6 +180,13 @@ pub(crate) fn groundcal(
 ) -> Result<(Scores, Calibration), Error> {
     let c = calibrate_matched_images(names, images, pairs, options, &Silent)?;
     Ok((Scores::of_calibration(truth, &c, options.constraint), c))
+}
+
+/// Matches as a camera without distortion would have seen them.
+pub(crate) fn undistorted(pairs: &[ImagePair], c: &Calibration) -> Vec<ImagePair> {
+    let lens = PlacedLens { lens: c.camera.model().lens, intrinsics: c.camera.intrinsics() };
+    let undone = |m: &PointMatch| lens.ideal_match(m);
+    pairs.iter().map(|p| ImagePair { matches: p.matches.iter().filter_map(undone).collect(), ..*p }).collect()
 }
 
 #[cfg(test)]

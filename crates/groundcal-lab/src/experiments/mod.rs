@@ -1,10 +1,11 @@
-//! The four experiments of the paper (KZR) on scenes with exact truth, rendered, calibrated and put into tables: constraint by
+//! The experiments of the paper (KZR) on scenes with exact truth, rendered, calibrated and put into tables: constraint by
 //! method, errors of focal length, aspect ratio and principal point.
 
 mod arch;
 pub mod catalogue;
 mod contact_sheet;
 mod film;
+mod lens;
 mod methods;
 mod mobile;
 mod pan_head;

@@ -17,10 +17,7 @@ use groundcal::{
     calibrate::{Method, MotionModel, Options, Silent, calibrate_images, calibrate_matches},
     error::Error,
     geometry::{intrinsics::Intrinsics, size::ImageSize},
-    pairs::{
-        correspondence::{ImagePair, PointMatch},
-        placed_lens::PlacedLens,
-    },
+    pairs::correspondence::ImagePair,
     result::Calibration,
     start::absolute_conic::Constraint,
     vision::{image::GrayImage, still::still_parts},
@@ -179,7 +176,7 @@ fn of_set(set: &Set, folder: &Path, asked: &ExperimentOptions) -> Result<(String
     let found: Vec<_> =
         [Constraint::Focal, Constraint::Auto].into_iter().map(|c| (c, real.calibrated(&ours(c)))).collect();
     if let Some((_, Ok(c))) = found.first() {
-        let corrected = matched.clone().and_then(|m| of_matches(&linear, &undistorted(&m, c)));
+        let corrected = matched.clone().and_then(|m| of_matches(&linear, &methods::undistorted(&m, c)));
         add("features", "undistorted", Constraint::Focal, corrected)?;
     }
     if matches!(set.pairs, Pairs::Ring) {
@@ -207,11 +204,4 @@ fn matched(real: &Real) -> Result<Vec<ImagePair>, Error> {
     let still = still_parts(&real.images, &Silent)?;
     let moving = still.map(|still| still.set_aside(&real.images)).transpose()?;
     Ok(methods::match_pairs(moving.as_ref().unwrap_or(&real.images), &real.pairs, &Options::default()))
-}
-
-/// Matches as a camera without distortion would have seen them.
-fn undistorted(pairs: &[ImagePair], c: &Calibration) -> Vec<ImagePair> {
-    let lens = PlacedLens { lens: c.camera.model().lens, intrinsics: c.camera.intrinsics() };
-    let undone = |m: &PointMatch| lens.ideal_match(m);
-    pairs.iter().map(|p| ImagePair { matches: p.matches.iter().filter_map(undone).collect(), ..*p }).collect()
 }

@@ -94,6 +94,11 @@ pub(crate) struct Pictures {
 }
 
 impl Pictures {
+    /// Names of their files.
+    pub(crate) fn names(&self) -> &[String] {
+        &self.names
+    }
+
     /// The program's own method, told that all pairs are motions.
     pub(crate) fn groundcal(&self, options: &Options, truth: &Intrinsics) -> Result<(Scores, Calibration), Error> {
         let pairs = self.matched.iter().map(|p| (p.from, p.to)).collect();
