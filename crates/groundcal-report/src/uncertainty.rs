@@ -77,6 +77,8 @@ fn table(of: &ProjectionUncertainty, px: &[Option<f64>], [w, h]: [usize; 2], mos
 const SIDE: f64 = 800.0;
 const LEFT: f64 = 20.0;
 const TOP: f64 = 48.0;
+/// Room for the small print below a narrow image.
+const NOTE_WIDTH: f64 = 600.0;
 /// Cells narrower than this have no number.
 const NARROWEST: f64 = 38.0;
 
@@ -97,7 +99,7 @@ fn figure(of: &ProjectionUncertainty, px: &[Option<f64>], [w, h]: [usize; 2], ti
     let scale = SIDE / w.max(h) as f64;
     let (width, height) = (w as f64 * scale, h as f64 * scale);
     let [cell_w, cell_h] = [width / columns as f64, height / rows as f64];
-    let wide = width.max(420.0);
+    let wide = width.max(NOTE_WIDTH);
     let mut canvas: Canvas<Ink> = Canvas::new([0.0, 0.0, wide + 2.0 * LEFT, TOP + height + 64.0]);
     canvas.text(TITLE, [LEFT + wide / 2.0, 30.0], Anchor::Middle, title);
     for (i, value) in px.iter().enumerate() {
@@ -146,7 +148,11 @@ mod tests {
         for width in [60, 80, 120] {
             let page = text(&grid(), [800, 600], width);
             assert!(page.lines().all(|l| l.chars().count() <= width), "{width}\n{page}");
-            assert!(page.contains("at most 0.160") && page.contains("Points of the floor"), "{page}");
+            assert!(
+                page.split_whitespace().collect::<Vec<_>>().join(" ").contains("at most 0.160")
+                    && page.contains("Points of the floor"),
+                "{page}"
+            );
             let last = page.lines().last().unwrap();
             assert!(last.split_whitespace().skip(1).all(|w| w == "0.50"), "{last}");
         }

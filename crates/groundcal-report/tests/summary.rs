@@ -30,13 +30,12 @@ fn calibration(prefix: &str, method: Method) -> Calibration {
     of_points(prefix, &scene, Options { method, ..Options::default() })
 }
 
-/// A camera that turns on the spot, three turns by two elevations.
+/// A camera that turns on the spot, once round.
 fn panorama(prefix: &str) -> Calibration {
-    let rotations: Vec<_> = (0..12)
-        .map(|i| rotation_cam_from_world(if i % 2 == 0 { 0.1 } else { -0.3 }, 0.02, 0.5 * f64::from(i)))
-        .collect();
-    let (size, k) = (ImageSize::new(800, 600), Intrinsics::square(700.0, 402.0, 297.0));
-    let pairs = turning_pairs(&rotations, &k, &Lens::None, size, 4000, 0.3, 5);
+    let rotations: Vec<_> =
+        (0..12).map(|i| rotation_cam_from_world(0.05, 0.02, (30.0 * f64::from(i)).to_radians())).collect();
+    let (size, k) = (ImageSize::new(640, 480), Intrinsics::square(520.0, 317.0, 243.0));
+    let pairs = turning_pairs(&rotations, &k, &Lens::None, size, 4000, 0.2, 1);
     let c = calibrate_matches(&names(prefix, 12), size, &pairs, &Options::default(), &Silent).unwrap();
     assert_eq!(c.scene, Some(Scene::Directions));
     c
@@ -74,7 +73,7 @@ fn assert_whole(page: &str, width: usize, of: &str) {
         };
         let parameter = ["fx", "fy", "cx", "cy", "skew", "k1", "k2", "p1", "p2", "k3"]
             .contains(&words.first().copied().unwrap_or("x"));
-        if parameter && !line.contains(',') {
+        if parameter && !line.starts_with(' ') && !line.contains(',') {
             assert!(words[1..].iter().all(|w| number(&w)), "{of}, {width}: {line}");
         }
         let name = |word: &&str| word.ends_with(".jpg") || word.contains("...");
@@ -149,7 +148,8 @@ fn the_first_lines_answer_what_everybody_asks() {
     let rms = c.fit.refinement.unwrap().reprojection_rms_px.unwrap();
     // 0.3 px of noise in both coordinates of both views, of which the place of the point takes half.
     assert!((rms / 0.3 - 1.0).abs() < 0.1, "{rms}");
-    assert!(page.contains(&format!("Reprojection: {rms:.2} px rms")), "{page}");
+    let words = page.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words.contains(&format!("Reprojection: {rms:.2} px rms")), "{page}");
 }
 
 #[test]

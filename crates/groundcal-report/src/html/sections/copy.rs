@@ -81,12 +81,13 @@ fn as_yaml(c: &Calibration) -> String {
 /// One form shown, the others folded.
 pub(crate) fn block(c: &Calibration) -> String {
     let forms = [("Text", as_text(c)), ("NumPy", as_numpy(c)), ("YAML (OpenCV, ROS)", as_yaml(c))];
+    let lines = |text: &str| text.lines().map(escape).collect::<Vec<_>>().join("\n");
     let form = |(i, (name, text)): (usize, (&str, String))| {
         let open = if i == 0 { " open" } else { "" };
         format!(
             "<details name=\"copy\"{open}><summary>{name}</summary><div class=\"code\"><pre tabindex=\"0\">{}</pre><button type=\"button\" data-copy>Copy\
              </button></div></details>\n",
-            escape(&text)
+            lines(&text)
         )
     };
     let all: String = forms.into_iter().enumerate().map(form).collect();

@@ -109,7 +109,7 @@ fn coverage(c: &Calibration) -> String {
     let every = points.len().div_ceil(POINTS);
     let shown = points.iter().step_by(every).map(|p| p.map(|v| 10.0 + (v + 0.5) * scale)).collect();
     svg.shape("covered", Shape::Marks(Mark::Dot, shown));
-    figure(
+    let picture = figure(
         "half",
         &drawing(&svg, "plot", "Points of all images over the image plane"),
         &format!(
@@ -121,5 +121,6 @@ fn coverage(c: &Calibration) -> String {
             cells[1],
             if every > 1 { format!(" (one of {every} is drawn)") } else { String::new() }
         ),
-    )
+    );
+    format!("<div class=\"figures\">\n{picture}</div>\n")
 }

@@ -10,7 +10,7 @@ mod projection;
 mod residuals;
 mod tables;
 
-use groundcal::result::{Calibration, Method, MotionKind, Scene};
+use groundcal::result::{Calibration, Method, MotionKind, Scene, judge::level_with};
 
 use crate::{
     canvas::svg::escape,
@@ -123,7 +123,7 @@ fn errors(c: &Calibration) -> String {
     if let Some([middle, _, most]) = grid.and_then(|g| in_short(g, &g.distant_px)) {
         let [middle, most] = [middle, most].map(|v| fixed(v, decimals_of_sigma(v).min(4)));
         said.push(format!(
-            "points far away are shown to <a href=\"#projection\"><strong>{middle} px</strong> in the middle of the image, {most} px at worst</a>"
+            "points far away are shown to within <a href=\"#projection\"><strong>{middle} px</strong> in the middle of the image, {most} px at worst</a>"
         ));
     }
     if said.is_empty() { String::new() } else { format!("<p>{}.</p>\n", said.join("; ")) }
@@ -161,8 +161,10 @@ fn warnings(model: &Model) -> String {
     if model.warnings.is_empty() {
         return "<p>None.</p>\n".into();
     }
-    let items: String = model
-        .warnings
+    // The gravest first, the others in the order in which they were found.
+    let mut sorted: Vec<_> = model.warnings.iter().collect();
+    sorted.sort_by_key(|w| std::cmp::Reverse(level_with(&w.warning)));
+    let items: String = sorted
         .iter()
         .map(|w| format!("<li><strong><code>{}</code></strong> {}.</li>\n", w.warning.code(), escape(&w.message)))
         .collect();
