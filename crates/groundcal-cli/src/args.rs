@@ -58,9 +58,13 @@ pub(crate) struct OverwriteArg {
 /// [`LensModel`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum DistortionArg {
+    /// Brown-Conrady (`radtan`), or a fisheye's where the images reach far from the axis and are a thousand times likelier so
+    Auto,
     /// k1 and k2, with priors 0 +- 0.3, p1 and p2, with priors 0 +- 0.001: what the images do not tell of them stays at zero, with its
     /// error bar; k3 (prior 0 +- 0.3) where the residuals ask for it
-    Auto,
+    Radtan,
+    /// The equidistant fisheye of Kannala and Brandt, k1 to k4, of 180 degrees and more
+    Fisheye,
     /// Nothing: the lens has none
     None,
     /// k1, p1 and p2
@@ -74,6 +78,8 @@ impl From<DistortionArg> for LensModel {
         match value {
             DistortionArg::None => LensModel::None,
             DistortionArg::K1 => LensModel::K1,
+            DistortionArg::Radtan => LensModel::Radtan,
+            DistortionArg::Fisheye => LensModel::Fisheye,
             DistortionArg::Auto | DistortionArg::K1k2 => LensModel::K1K2,
         }
     }
@@ -86,7 +92,7 @@ pub(crate) enum MotionArg {
     Auto,
     /// Turns about the plane's normal, moved along the plane or not: you vouch that the camera did not tilt between the images of a motion
     PlaneNormal,
-    /// Any motion before one plane (not estimated yet)
+    /// Any motion before one plane, from hand-held pictures of a floor, a desk, a poster or a wall
     General,
     /// The camera turned on the spot, about any axes
     Turning,
@@ -159,6 +165,41 @@ pub(crate) fn parse_prior(text: &str) -> Result<GivenPrior, String> {
 pub(crate) fn parse_height(text: &str) -> Result<f64, String> {
     let height = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && (1e-6..=1e6).contains(v));
     height.ok_or_else(|| "expected a height in metres from 0.000001 to 1000000, for example 1.45".into())
+}
+
+/// A standard deviation in pixels.
+pub(crate) fn parse_sigma(text: &str) -> Result<f64, String> {
+    let sigma = text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && (0.0..=1e3).contains(v));
+    sigma.ok_or_else(|| "expected pixels from 0 to 1000, for example 0.5".into())
+}
+
+/// A distance on the floor as `--floor-distance` has it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FloorDistance {
+    /// The image in which it is seen.
+    pub(crate) view: String,
+    /// Its ends.
+    pub(crate) pixels: [[f64; 2]; 2],
+    /// Metres, and their standard deviation.
+    pub(crate) metres: [f64; 2],
+}
+
+impl FloorDistance {
+    /// From `VIEW X1,Y1 X2,Y2 METRES[+-SIGMA]`.
+    pub(crate) fn parse(words: &[String]) -> Result<Self, String> {
+        let [view, first, second, metres] = words else {
+            return Err("expected VIEW X1,Y1 X2,Y2 METRES, for example 00a.jpg 412,380 655,410 1.20".into());
+        };
+        let (value, sigma) = match metres.split_once("+-").or_else(|| metres.split_once('±')) {
+            Some((value, sigma)) => (value, sigma.trim().parse::<f64>().ok()),
+            None => (metres.as_str(), Some(0.0)),
+        };
+        let value = parse_height(value).map_err(|_| format!("{metres} is no distance in metres"))?;
+        let sigma = sigma
+            .filter(|s| s.is_finite() && *s >= 0.0)
+            .ok_or(format!("{metres} has no standard deviation in metres"))?;
+        Ok(Self { view: view.clone(), pixels: [parse_point(first)?, parse_point(second)?], metres: [value, sigma] })
+    }
 }
 
 /// `WxH` in pixels.

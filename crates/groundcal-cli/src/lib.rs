@@ -7,21 +7,29 @@
 mod args;
 mod commands;
 mod error;
+mod foreign;
 mod interrupt;
 mod output;
 mod progress;
 mod remedies;
+mod scale;
+mod terminal;
 
 use std::{
-    ffi::OsString,
-    io::{IsTerminal, Write},
+    ffi::{OsStr, OsString},
+    io::Write,
+    path::Path,
 };
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
-use commands::{calibrate, compare, completions, convert, experiment, man, plan, rectify, render, simulate, undistort};
+use commands::{
+    calibrate, compare, completions, convert, experiment, floor, man, plan, rectify, render, simulate, uncertainty,
+    undistort,
+};
 use error::CliError;
 use groundcal_io::text;
+use terminal::{ColorArg, TerminalArgs};
 
 pub use interrupt::end_on_signals;
 
@@ -34,16 +42,21 @@ pub use interrupt::end_on_signals;
 /// assert_eq!(groundcal_cli::run(["groundcal", "calibrate"].map(Into::into)), 2);
 /// ```
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let args: Vec<OsString> = args.into_iter().collect();
-    let cli = match Cli::try_parse_from(&args) {
+    let args = points_last(with_command(args.into_iter().collect()));
+    let mut cli = match parsed(&args) {
         Ok(cli) => cli,
         Err(error) => {
             print_words_of_clap(&args, &error);
             return u8::try_from(error.exit_code()).unwrap_or(error::OTHER);
         }
     };
+    if let Command::Calibrate(of) = &mut cli.command {
+        of.command_line = command_line(&args);
+    }
+    terminal::set_quiet(cli.terminal.quiet);
     let json = cli.command.prints_json();
-    match dispatch(cli.command) {
+    let color = cli.terminal.color;
+    match dispatch(cli.command, cli.terminal) {
         Ok(()) => error::SUCCESS,
         Err(CliError::Stopped(code)) => {
             let _ = writeln!(std::io::stderr(), "interrupted");
@@ -54,11 +67,81 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             if let (true, Ok(text)) = (json, serde_json::to_string_pretty(&error.report())) {
                 let _ = output::print_json(&(text + "\n"));
             }
-            let mark = if std::io::stderr().is_terminal() { "\u{1b}[31merror\u{1b}[0m" } else { "error" };
-            let _ = writeln!(std::io::stderr(), "{mark}: {error}");
+            let text = terminal::fitted(&format!("error: {error}"));
+            let text = match text.strip_prefix("error") {
+                Some(rest) if color.of(&std::io::stderr()) => format!("\u{1b}[1;31merror\u{1b}[0m{rest}"),
+                _ => text,
+            };
+            let _ = writeln!(std::io::stderr(), "{text}");
             error.exit_code()
         }
     }
+}
+
+/// Options that decide where results go and how fast, not what they are.
+const OF_THE_RUN: [&str; 4] = ["--out", "--threads", "--overwrite", "--json"];
+
+/// As it could be typed again, without what makes no difference to the results: the same input gives the same page.
+fn command_line(args: &[OsString]) -> String {
+    let word = |arg: &OsString| {
+        let text = arg.to_string_lossy();
+        let plain = |c: char| c.is_alphanumeric() || "-_./=,:+#@%".contains(c);
+        match text.chars().all(plain) && !text.is_empty() {
+            true => text.into_owned(),
+            false => format!("'{}'", text.replace('\'', "'\\''")),
+        }
+    };
+    let mut rest: Vec<String> = Vec::new();
+    let mut all = args.iter().skip(1);
+    while let Some(arg) = all.next() {
+        let text = arg.to_string_lossy();
+        match OF_THE_RUN.iter().find(|name| text.split('=').next() == Some(**name)) {
+            Some(name) => {
+                // A value may stand by itself.
+                if ["--out", "--threads"].contains(name) && !text.contains('=') {
+                    all.next();
+                }
+            }
+            None => rest.push(word(arg)),
+        }
+    }
+    text::printable(&format!("groundcal {}", rest.join(" "))).into_owned()
+}
+
+/// The command line as the parser reads it, with colours as it says itself.
+fn parsed(args: &[OsString]) -> Result<Cli, clap::Error> {
+    let mut command = Cli::command().color(ColorArg::in_words(args).choice());
+    let matches = command.try_get_matches_from_mut(args)?;
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}
+
+/// `groundcal FOLDER` stands for `groundcal calibrate FOLDER`: where the first word is no command but something that is there, or a pattern.
+fn with_command(mut args: Vec<OsString>) -> Vec<OsString> {
+    let Some(first) = args.get(1) else { return args };
+    let is_command = |word: &OsStr| {
+        let names = |c: &clap::Command| c.get_name_and_visible_aliases().iter().any(|name| word == *name);
+        word == "help" || Cli::command().get_subcommands().any(names)
+    };
+    let pattern = first.to_str().is_some_and(|text| text.contains(['*', '?', '[']) && !text.starts_with('-'));
+    if !is_command(first) && (pattern || Path::new(first).exists()) {
+        args.insert(1, "calibrate".into());
+    }
+    args
+}
+
+/// Coordinates of `groundcal floor` may begin with a minus, which the parser takes for an option: they go last, after `--`.
+fn points_last(args: Vec<OsString>) -> Vec<OsString> {
+    if args.get(1).is_none_or(|word| word != "floor") || args.iter().any(|word| word == "--") {
+        return args;
+    }
+    let is_point =
+        |word: &OsString| word.to_str().is_some_and(|text| text.starts_with('-') && args::parse_point(text).is_ok());
+    if !args.iter().any(is_point) {
+        return args;
+    }
+    let of_points = |word: &OsString| word.to_str().is_some_and(|text| args::parse_point(text).is_ok());
+    let (points, rest): (Vec<OsString>, Vec<OsString>) = args.into_iter().partition(of_points);
+    rest.into_iter().chain(["--".into()]).chain(points).collect()
 }
 
 /// Help and version on standard output, errors on standard error. Arguments that errors repeat may hold anything; then they are shown
@@ -74,13 +157,15 @@ fn print_words_of_clap(args: &[OsString], error: &clap::Error) {
     }
 }
 
-fn dispatch(command: Command) -> Result<(), CliError> {
+fn dispatch(command: Command, terminal: TerminalArgs) -> Result<(), CliError> {
     match command {
-        Command::Calibrate(args) => calibrate::run(&args),
+        Command::Calibrate(args) => calibrate::run(&args, terminal.color),
         Command::Render(args) => render::run(&args),
         Command::Plan(args) => plan::run(&args),
         Command::Simulate(args) => simulate::run(&args),
         Command::Experiment(args) => experiment::run(&args),
+        Command::Floor(args) => floor::run(&args),
+        Command::Uncertainty(args) => uncertainty::run(&args),
         Command::Rectify(args) => rectify::run(&args),
         Command::Undistort(args) => undistort::run(&args),
         Command::Compare(args) => compare::run(&args),
@@ -97,13 +182,17 @@ fn dispatch(command: Command) -> Result<(), CliError> {
     version,
     about,
     propagate_version = true,
-    after_help = "Example:
+    after_help = "Examples:
+  groundcal photos/                         the same as groundcal calibrate photos/
   groundcal calibrate photos/ --out result/
 
 Exit codes: 0 a calibration, 2 wrong usage, 3 the images cannot determine what was asked, 4 unreadable or \
 unusable input, 1 anything else."
 )]
 struct Cli {
+    #[command(flatten)]
+    terminal: TerminalArgs,
+
     /// What to do.
     #[command(subcommand)]
     command: Command,
@@ -122,6 +211,10 @@ enum Command {
     Simulate(simulate::SimulateArgs),
     /// The experiments of the paper on rendered scenes: tables of errors against exact truth
     Experiment(experiment::ExperimentArgs),
+    /// Points of the floor from pixels of a view, and back, with error bars; distances on it
+    Floor(floor::FloorArgs),
+    /// How sure a camera is of where things appear: expected error in pixels over the image
+    Uncertainty(uncertainty::UncertaintyArgs),
     /// Metric bird's-eye pictures of the floor: of each view, or a mosaic of all
     Rectify(rectify::RectifyArgs),
     /// Images without their lens distortion, and the maps for OpenCV
@@ -143,6 +236,8 @@ impl Command {
             Command::Calibrate(args) => args.json,
             Command::Plan(args) => args.json,
             Command::Compare(args) => args.json,
+            Command::Floor(args) => args.json,
+            Command::Uncertainty(args) => args.json,
             _ => false,
         }
     }

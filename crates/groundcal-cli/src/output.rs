@@ -6,9 +6,17 @@ use groundcal_io::{
     outputs::{self, Outputs, Request, Written},
     text::{self, message, plain, printable_json, printable_lines},
 };
-use groundcal_report::canvas::{Canvas, Ink, png, svg};
+use groundcal_report::{
+    canvas::{Canvas, Ink, png, svg},
+    terminal::Line,
+};
 
-use crate::{args::ThreadsArg, error::CliError, interrupt};
+use crate::{
+    args::ThreadsArg,
+    error::CliError,
+    interrupt,
+    terminal::{self, ColorArg},
+};
 
 /// Pixels of a PNG for one of the SVG: sharp on dense screens.
 const PNG_SCALE: f64 = 2.0;
@@ -17,9 +25,20 @@ pub(crate) const PAGE: &str = "report.html";
 /// Names of files that are told.
 const NAMES_SHOWN: usize = 12;
 
-/// A page to standard output; names in it have no control characters.
+/// A page to standard output, unless nothing is to be said; names in it have no control characters.
 pub(crate) fn print(page: &str) -> Result<(), CliError> {
+    if terminal::is_quiet() {
+        return Ok(());
+    }
     print_as_it_is(&printable_lines(page))
+}
+
+/// Lines of a summary to standard output, unless nothing is to be said.
+pub(crate) fn print_lines(lines: &[Line], color: ColorArg) -> Result<(), CliError> {
+    if terminal::is_quiet() {
+        return Ok(());
+    }
+    print_as_it_is(&terminal::painted(lines, color.of(&std::io::stdout())))
 }
 
 /// JSON to standard output.
@@ -39,12 +58,19 @@ pub(crate) fn print_as_it_is(text: &str) -> Result<(), CliError> {
 
 /// A line to standard error, fit for a terminal whatever names it holds.
 pub(crate) fn tell(text: &str) {
-    let _ = writeln!(std::io::stderr(), "{}", message(text));
+    let _ = writeln!(std::io::stderr(), "{}", terminal::fitted(&message(text)));
 }
 
-/// A remark to standard error.
+/// A line to standard error, unless nothing is to be said.
+pub(crate) fn remark(text: &str) {
+    if !terminal::is_quiet() {
+        tell(text);
+    }
+}
+
+/// A note to standard error, unless nothing is to be said.
 pub(crate) fn note(text: &str) {
-    tell(&format!("note: {text}"));
+    remark(&format!("note: {text}"));
 }
 
 /// Ends the work here where a signal asks for it.
@@ -109,9 +135,9 @@ impl Finished {
         let shown: Vec<String> = names.iter().take(NAMES_SHOWN).map(|n| plain(n)).collect();
         let more = names.len().saturating_sub(NAMES_SHOWN);
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
-        tell(&format!("written to {}: {}{more}", text::shown(folder), shown.join(", ")));
+        remark(&format!("written to {}: {}{more}", text::shown(folder), shown.join(", ")));
         if names.iter().any(|n| n == PAGE) {
-            tell(&format!("the page: {}", text::shown(&folder.join(PAGE))));
+            remark(&format!("the page: {}", text::shown(&folder.join(PAGE))));
         }
     }
 }

@@ -15,6 +15,7 @@ use crate::{
     error::{CliError, Remark},
     interrupt, output,
     remedies::Flags,
+    terminal,
 };
 
 /// Work shorter than this shows no bar.
@@ -115,7 +116,7 @@ impl Observer for StageTimes {
 
     fn advance(&self, _: Stage) {
         self.with(|state| {
-            if state.bar.is_hidden() && self.started.elapsed() > PATIENCE {
+            if state.bar.is_hidden() && !terminal::is_quiet() && self.started.elapsed() > PATIENCE {
                 // Draws nothing where standard error is not a terminal.
                 state.bar.set_draw_target(ProgressDrawTarget::stderr());
             }
@@ -138,7 +139,8 @@ pub(crate) struct Bar(ProgressBar);
 impl Bar {
     /// A bar that looks as the template says.
     pub(crate) fn new(template: &str) -> Self {
-        let bar = ProgressBar::new(0);
+        let target = if terminal::is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let bar = ProgressBar::with_draw_target(Some(0), target);
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("=> "));
         }

@@ -81,13 +81,13 @@ impl Handle {
     /// The summary that the program prints.
     #[pyo3(signature = (verbose, width))]
     fn summary(&self, verbose: bool, width: usize) -> String {
-        text::summary(&self.calibration, &SummaryOptions { width, verbose }, &Keywords)
+        text::summary(&self.calibration, &SummaryOptions { width, verbose, more: "" }, &Keywords)
     }
 
     /// The page.
     fn page(&self, py: Python<'_>) -> PyResult<String> {
         let (calibration, images) = (Arc::clone(&self.calibration), Arc::clone(&self.images));
-        work::run(py, None, None, move |_| Ok(html::page(&calibration, &images, &Keywords)?))
+        work::run(py, None, None, move |_| Ok(html::page(&calibration, &images, &Keywords, None)?))
     }
 
     /// Files of a format: names with content, and what the format cannot say.
@@ -177,7 +177,7 @@ fn saved(
     })?;
     outputs.write(JSON, export::json(calibration, &Keywords)?.as_bytes())?;
     if what.report {
-        outputs.write(PAGE, html::page(calibration, images, &Keywords)?.as_bytes())?;
+        outputs.write(PAGE, html::page(calibration, images, &Keywords, None)?.as_bytes())?;
     }
     for file in files {
         outputs.write(file.name, file.content.as_bytes())?;

@@ -25,7 +25,7 @@ use pyo3::{
 use crate::{failure::Failure, handle::Handle, nearest::no_such};
 
 /// What each keyword has to be.
-const TYPES: [(&str, &str); 36] = [
+const TYPES: [(&str, &str); 37] = [
     ("motion", "a string"),
     ("constraint", "a string"),
     ("method", "a string"),
@@ -100,8 +100,13 @@ pub(crate) fn constraints() -> Vec<(&'static str, Constraint)> {
 }
 
 /// The names of what is estimated of a lens.
-pub(crate) const LENS_MODELS: [(&str, LensModel); 3] =
-    [("none", LensModel::None), ("k1", LensModel::K1), ("k1k2", LensModel::K1K2)];
+pub(crate) const LENS_MODELS: [(&str, LensModel); 5] = [
+    ("none", LensModel::None),
+    ("k1", LensModel::K1),
+    ("k1k2", LensModel::K1K2),
+    ("radtan", LensModel::Radtan),
+    ("fisheye", LensModel::Fisheye),
+];
 const MOTIONS: [(&str, MotionModel); 4] = [
     ("auto", MotionModel::Auto),
     ("plane-normal", MotionModel::PlaneNormal),

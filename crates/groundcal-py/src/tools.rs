@@ -176,6 +176,9 @@ fn asked_of(study: Study, given: &Bound<'_, PyDict>) -> PyResult<Asked> {
     if noise_px.is_some() && study.varies_noise() {
         return refuse(format!("noise_px=: {:?} varies the noise itself", study.name()));
     }
+    if roll_deg.is_some() && !study.knows_rolls() {
+        return refuse(format!("roll_deg=: the views of {:?} are rolled by any angle", study.name()));
+    }
     Ok(Asked { matches, roll_deg, noise_px, size: image_size(given)? })
 }
 

@@ -13,3 +13,4 @@ pub mod plan;
 pub mod plot;
 pub mod terminal;
 pub mod text;
+pub mod uncertainty;

@@ -34,6 +34,11 @@ pub fn short(value: f64) -> String {
     trimmed(&significant(value, 3, 6)).to_string()
 }
 
+/// As short as it is said, up to three decimals: for pixels and places that were given.
+pub fn short_decimals(value: f64) -> String {
+    trimmed(&fixed(value, 3)).to_string()
+}
+
 /// Three significant digits, with an exponent where there would be more than eight decimals: for scales.
 pub fn three_digits(value: f64) -> String {
     const MOST_DECIMALS: usize = 8;

@@ -1,5 +1,43 @@
 //! Text in letters of one width: tables whose columns never run together, labelled facts, paragraphs.
 
+/// What a line says, for terminals that can show it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Look {
+    /// As any other.
+    Plain,
+    /// What matters, without being a doubt.
+    Strong,
+    /// Something is as it should be.
+    Good,
+    /// Something to beware of.
+    Doubt,
+    /// Something is wrong.
+    Bad,
+    /// What is there for reference.
+    Faint,
+}
+
+/// A line of text.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Line {
+    /// Without its end.
+    pub text: String,
+    /// What it says.
+    pub look: Look,
+}
+
+impl Line {
+    /// As any other.
+    pub fn plain(text: &str) -> Self {
+        Self { text: text.into(), look: Look::Plain }
+    }
+
+    /// The lines of a text, of one look.
+    pub fn all(text: &str, look: Look) -> Vec<Self> {
+        text.lines().map(|line| Self { text: line.into(), look }).collect()
+    }
+}
+
 /// Columns of a line unless the reader's terminal says otherwise.
 pub const WIDTH: usize = 80;
 /// Blanks between columns: as many as there is room for.
@@ -128,6 +166,13 @@ impl Table {
         self.columns[i].heads.iter().chain(cells).map(|text| text.chars().count()).max().unwrap_or(0)
     }
 
+    /// What the names of all columns share.
+    fn alike(&self) -> [usize; 2] {
+        let columns = (0..self.columns.len()).filter(|&i| self.columns[i].kind == Kind::Name);
+        let names = columns.flat_map(|i| self.rows.iter().map(move |row| row[i].as_str()));
+        shared_letters(names.filter(|name| !name.is_empty()))
+    }
+
     fn piece(&self, columns: &[usize], widths: &[usize], gap: usize) -> Vec<String> {
         let heads = columns.iter().map(|&i| self.columns[i].heads.len()).max().unwrap_or(0);
         // Headings stand on the first row.
@@ -138,6 +183,7 @@ impl Table {
         let head_lines = (0..heads).map(|line| columns.iter().map(|&i| head(i, line)).collect::<Vec<_>>());
         let row_lines = self.rows.iter().map(|row| columns.iter().map(|&i| row[i].as_str()).collect());
         let blanks = " ".repeat(gap);
+        let alike = self.alike();
         head_lines
             .chain(row_lines)
             .map(|cells: Vec<&str>| {
@@ -145,7 +191,7 @@ impl Table {
                     .iter()
                     .zip(cells)
                     .map(|(&i, cell)| match self.columns[i].kind {
-                        Kind::Name => format!("{:<1$}", shortened(cell, widths[i]), widths[i]),
+                        Kind::Name => format!("{:<1$}", shortened(cell, alike, widths[i]), widths[i]),
                         Kind::Number => format!("{cell:>0$}", widths[i]),
                         Kind::Note => format!("{cell:<0$}", widths[i]),
                     })
@@ -156,17 +202,36 @@ impl Table {
     }
 }
 
-/// At most so many letters: the middle gives way, as names differ at their ends.
-fn shortened(text: &str, most: usize) -> String {
+/// At most so many letters. What a name shares with the others gives way first: the ending of the files, then the middle of the beginning; where that
+/// is not enough, the middle.
+fn shortened(text: &str, alike: [usize; 2], most: usize) -> String {
     const DOTS: &str = "...";
     let letters: Vec<char> = text.chars().collect();
     if letters.len() <= most {
         return text.to_string();
     }
+    let [beginning, ending] = if alike[0] + alike[1] < letters.len() { alike } else { [0, 0] };
+    let without_ending = &letters[..letters.len() - ending];
+    if without_ending.len() <= most {
+        return without_ending.iter().collect();
+    }
     let kept = most.saturating_sub(DOTS.len());
-    let (head, tail) = (kept / 2, kept - kept / 2);
-    let ends = [&letters[..head], &letters[letters.len() - tail..]].map(|part| part.iter().collect::<String>());
-    ends.join(DOTS)
+    let own = without_ending.len() - beginning;
+    let tail = if own <= kept { own.max(kept - kept / 2) } else { kept - kept / 2 };
+    let head = kept - tail;
+    let ends = [&without_ending[..head], &without_ending[without_ending.len() - tail..]];
+    ends.map(|part| part.iter().collect::<String>()).join(DOTS)
+}
+
+/// How many letters all of several names begin with, and the letters of the file ending that all have.
+fn shared_letters<'a>(names: impl Iterator<Item = &'a str> + Clone) -> [usize; 2] {
+    let Some(first) = names.clone().next() else { return [0, 0] };
+    let same = |name: &str| first.chars().zip(name.chars()).take_while(|(a, b)| a == b).count();
+    let beginning = names.clone().map(same).min().unwrap_or(0);
+    let ending = first.rfind('.').map_or("", |at| &first[at..]);
+    let ending = if names.clone().all(|name| name.ends_with(ending)) { ending.chars().count() } else { 0 };
+    // A single name, or one that the others begin with, keeps something of its own.
+    [beginning.min(first.chars().count().saturating_sub(ending + 1)), ending]
 }
 
 /// Facts with their labels: two to a line where both fit into half of it, else one, continued below its beginning.
@@ -256,8 +321,13 @@ mod tests {
                     let found = lines.iter().filter(|l| l.contains(turn)).count();
                     assert_eq!(found, 1, "{width}: {lines:#?}");
                 }
-                for line in lines.iter().filter(|l| l.contains(".jpg")) {
-                    assert!(line.split(".jpg").skip(1).all(|rest| rest.starts_with(' ')), "{width}: {line}");
+                // And both names of each row, apart.
+                for (a, b) in (0..3).map(|i| (format!("{i}a"), format!("{i}b"))) {
+                    let row = |l: &&String| {
+                        let words: Vec<&str> = l.split_whitespace().collect();
+                        words.len() > 2 && words[0].contains(&a) && words[1].contains(&b)
+                    };
+                    assert!(lines.iter().any(|l| row(&l)), "{width}: {lines:#?}");
                 }
             }
         }
@@ -280,11 +350,24 @@ mod tests {
     }
 
     #[test]
-    fn long_names_are_cut_in_their_middle() {
-        assert_eq!(shortened("IMG_20260101_120000.jpg", 12), "IMG_...0.jpg");
-        assert_eq!(shortened("short.jpg", 12), "short.jpg");
+    fn long_names_keep_what_is_their_own() {
+        assert_eq!(shortened("IMG_20260101_120000.jpg", [0, 0], 12), "IMG_...0.jpg");
+        assert_eq!(shortened("short.jpg", [0, 4], 12), "short.jpg");
+        // The ending that all have goes first, then what all begin with.
+        let names = ["grail00.jpg", "grail01.jpg", "grail17.jpg"];
+        let alike = shared_letters(names.into_iter());
+        assert_eq!(alike, [5, 4]);
+        assert_eq!(names.map(|n| shortened(n, alike, 10)), ["grail00", "grail01", "grail17"]);
+        let names = ["IMG_20260101_120000.jpg", "IMG_20260101_123456.jpg"];
+        let alike = shared_letters(names.into_iter());
+        assert_eq!(names.map(|n| shortened(n, alike, 12)), ["IMG_...20000", "IMG_...23456"]);
+        assert_eq!(names.map(|n| shortened(n, alike, 8)), ["I...0000", "I...3456"]);
+        // Names that are all alike, or no files.
+        assert_eq!(shared_letters(["a.jpg", "a.jpg"].into_iter()), [0, 4]);
+        assert_eq!(shared_letters(["", "view 1"].into_iter()), [0, 0]);
+        assert_eq!(shared_letters(std::iter::empty::<&str>()), [0, 0]);
         let line = &motions("a_rather_long_name_of_a_picture_").lines(70)[2];
-        assert!(line.starts_with("a_r") && line.contains("...") && line.contains("0b.jpg "), "{line}");
+        assert!(line.starts_with("a_r") && line.contains("...") && line.contains("0b "), "{line}");
     }
 
     #[test]

@@ -1,43 +1,81 @@
-//! The summary for people, in the style of a statistics package: what it was made from, the camera with its error bars, the motions,
-//! the attitudes, what was left out, the warnings.
+//! The summary for people: whether to trust it, what it was made from, the camera with its error bars, what to beware of. With
+//! `verbose`, in the style of a statistics package, also the motions, the attitudes, the views, what was assumed and what was left out.
 
 use groundcal::{
     geometry::lens::Lens,
     numerics::statistics::NORMAL_95,
     remedy::Wording,
     result::{
-        Calibration, LensSource, Method, MotionReport, Parameter, Scene, Verdict, VerdictLevel, VerdictReason, Warning,
+        Calibration, CameraOnBase, LensSource, Method, MotionKind, MotionReport, Parameter, Scene, Verdict,
+        VerdictLevel, VerdictReason, judge::level_with,
     },
 };
 
 use crate::{
-    number::{fixed, or_dash, with_sigma},
-    terminal::{self, Table, centred, facts, rule, wrapped},
+    number::{decimals_of_sigma, fixed, or_dash, with_sigma},
+    terminal::{self, Line, Look, Table, centred, facts, rule, wrapped},
+    uncertainty::in_short,
 };
 
-/// Pairs not used that are listed one by one without `verbose`.
-const MAX_LISTED: usize = 8;
+/// Lines of a summary without `verbose`, if its camera and its first warning leave it the choice: terminals have 24 to 60.
+const SCREEN_LINES: usize = 40;
 
 /// What the summary shows, and how wide.
 #[derive(Debug, Clone, Copy)]
-pub struct SummaryOptions {
+pub struct SummaryOptions<'a> {
     /// Columns of the terminal.
     pub width: usize,
-    /// Whether every view, and every pair that was not used, is listed.
+    /// Whether everything is listed, or what fits a screen.
     pub verbose: bool,
+    /// Where the rest stands, in the words of a front end; its last line without `verbose`.
+    pub more: &'a str,
 }
 
-impl Default for SummaryOptions {
+impl Default for SummaryOptions<'_> {
     fn default() -> Self {
-        Self { width: terminal::WIDTH, verbose: false }
+        Self { width: terminal::WIDTH, verbose: false, more: "" }
     }
 }
 
-/// The page, in the words of a front end.
+/// The summary as plain text, in the words of a front end.
 pub fn summary(c: &Calibration, options: &SummaryOptions, wording: &dyn Wording) -> String {
-    let SummaryOptions { width, verbose } = *options;
-    let (double, single) = (rule('=', width), rule('-', width));
-    let title = format!("groundcal {}: camera from floor motions", env!("CARGO_PKG_VERSION"));
+    summary_lines(c, options, wording).iter().map(|line| format!("{}\n", line.text)).collect()
+}
+
+/// The summary line by line, with the look of each.
+pub fn summary_lines(c: &Calibration, options: &SummaryOptions, wording: &dyn Wording) -> Vec<Line> {
+    let width = options.width;
+    let mut lines = Vec::new();
+    if let Some(v) = &c.verdict {
+        lines.extend(Line::all(&wrapped(&verdict_line(v), 0, width), look_of(v.level)));
+        lines.push(Line::plain(""));
+    }
+    if options.verbose {
+        let (double, single) = (rule('=', width), rule('-', width));
+        let title = format!("groundcal {}: camera from {} images", env!("CARGO_PKG_VERSION"), c.evidence.images.len());
+        let blocks = blocks(c, width, wording).join(&format!("{single}\n"));
+        let notes: String = notes(c).iter().map(|note| wrapped(note, 0, width) + "\n").collect();
+        let facts = facts(&[made_from(c), how(c)].concat(), width);
+        let text = format!("{}\n{double}\n{facts}{double}\n{blocks}{double}\n{notes}", centred(&title, width));
+        lines.extend(Line::all(&text, Look::Plain));
+    } else {
+        lines.extend(Line::all(&facts(&made_from(c), width), Look::Plain));
+        lines.push(Line::plain(""));
+        lines.extend(Line::all(&camera(c).text(width), Look::Plain));
+    }
+    // What is said at the end has its place, too.
+    let more = if options.verbose || options.more.is_empty() { Vec::new() } else { vec![Line::plain(""); 2] };
+    let room = if options.verbose { usize::MAX } else { SCREEN_LINES.saturating_sub(lines.len() + more.len()) };
+    lines.extend(doubts(c, room, options, wording));
+    if !more.is_empty() {
+        lines.push(Line::plain(""));
+        lines.extend(Line::all(&wrapped(options.more, 0, width), Look::Faint));
+    }
+    lines
+}
+
+/// The tables, one below the other.
+fn blocks(c: &Calibration, width: usize, wording: &dyn Wording) -> Vec<String> {
     let mut blocks = vec![camera(c).text(width)];
     if !c.priors.is_empty() {
         blocks.push(priors(c).text(width));
@@ -46,25 +84,89 @@ pub fn summary(c: &Calibration, options: &SummaryOptions, wording: &dyn Wording)
     if !c.attitudes.is_empty() {
         blocks.push(attitudes(c).text(width));
     }
-    if verbose && !c.views.is_empty() {
+    if !c.views.is_empty() {
         blocks.push(views(c).text(width));
     }
-    let left = not_used(c, options);
+    let left = not_used(c, width);
     if !left.is_empty() {
         blocks.push(left);
     }
-    let notes: String = notes(c, verbose).iter().map(|note| wrapped(note, 0, width) + "\n").collect();
-    let warning = |w: &Warning| format!("\nwarning [{}]\n{}\n", w.code(), wrapped(&w.message(wording), 2, width));
-    let warnings: String = c.warnings.iter().map(warning).collect();
-    let verdict = c.verdict.as_ref().map_or(String::new(), |v| wrapped(&verdict_line(v), 0, width) + "\n\n");
-    let reason = |r: &&VerdictReason| format!("\nverdict [{}]\n{}\n", r.code, wrapped(&r.message, 2, width));
-    let reasons: String = beside_warnings(c).iter().map(reason).collect();
-    format!(
-        "{verdict}{}\n{double}\n{}{double}\n{}{double}\n{notes}{reasons}{warnings}",
-        centred(&title, width),
-        facts(&made_from(c), width),
-        blocks.join(&format!("{single}\n")),
-    )
+    blocks
+}
+
+fn look_of(level: VerdictLevel) -> Look {
+    match level {
+        VerdictLevel::Trustworthy => Look::Good,
+        VerdictLevel::Usable => Look::Doubt,
+        VerdictLevel::Unchecked | VerdictLevel::Contradicted => Look::Bad,
+    }
+}
+
+/// A warning, or a reason of the verdict that is none.
+struct Doubt {
+    /// Its place among the reasons of the verdict, of which those that weigh most come first.
+    rank: usize,
+    level: Option<VerdictLevel>,
+    /// Its heading.
+    kind: &'static str,
+    code: String,
+    message: String,
+}
+
+/// Warnings and other reasons of the verdict, the gravest first. Those of one code beside each other; of each code the first one in full where there
+/// is not room for all.
+fn doubts(c: &Calibration, room: usize, options: &SummaryOptions, wording: &dyn Wording) -> Vec<Line> {
+    let reasons: &[VerdictReason] = c.verdict.as_ref().map_or(&[], |v| &v.reasons);
+    let rank = |code: &str| reasons.iter().position(|r| r.code == code).unwrap_or(reasons.len());
+    let mut all: Vec<Doubt> = Vec::new();
+    for r in beside_warnings(c) {
+        // Those that are no warnings do not say their level; the verdict's is the worst of all.
+        let level = c.verdict.as_ref().map(|v| v.level).filter(|_| rank(&r.code) == 0).or(Some(VerdictLevel::Usable));
+        all.push(Doubt {
+            rank: rank(&r.code),
+            level,
+            kind: "verdict",
+            code: r.code.clone(),
+            message: r.message.clone(),
+        });
+    }
+    all.extend(c.warnings.iter().map(|w| Doubt {
+        rank: rank(w.code()),
+        level: level_with(w),
+        kind: "warning",
+        code: w.code().into(),
+        message: w.message(wording),
+    }));
+    let first: Vec<usize> = all.iter().map(|d| all.iter().position(|e| e.code == d.code).unwrap_or(0)).collect();
+    let mut order: Vec<usize> = (0..all.len()).collect();
+    order.sort_by_key(|&i| (all[i].rank, std::cmp::Reverse(all[i].level), first[i], i));
+    let (mut lines, mut unsaid) = (Vec::new(), Vec::new());
+    for i in order {
+        let (d, alike) = (&all[i], first.iter().filter(|f| **f == first[i]).count());
+        if !options.verbose && first[i] != i {
+            continue;
+        }
+        let others = match alike - 1 {
+            0 => String::new(),
+            _ if options.verbose => String::new(),
+            n => format!(", and {n} more like it"),
+        };
+        let mut of_it = vec![Line::plain("")];
+        let look = d.level.map_or(Look::Strong, look_of);
+        of_it.extend(Line::all(&wrapped(&format!("{} [{}]{others}", d.kind, d.code), 0, options.width), look));
+        of_it.extend(Line::all(&wrapped(&d.message, 2, options.width), Look::Plain));
+        // The gravest is said whatever it takes; two lines stay for the names of the others.
+        if lines.is_empty() || lines.len() + of_it.len() + 2 <= room {
+            lines.extend(of_it);
+        } else {
+            unsaid.push(d.code.as_str());
+        }
+    }
+    if !unsaid.is_empty() {
+        lines.push(Line::plain(""));
+        lines.extend(Line::all(&wrapped(&format!("and also: {}", unsaid.join(", ")), 0, options.width), Look::Strong));
+    }
+    lines
 }
 
 /// The verdict in a line: the level, and the names of the reasons, which stand in full among the warnings or beside them.
@@ -86,10 +188,66 @@ pub(crate) fn beside_warnings(c: &Calibration) -> Vec<&VerdictReason> {
     c.verdict.iter().flat_map(|v| &v.reasons).filter(|r| !warned(r)).collect()
 }
 
-/// Input, method and fit.
+/// Whether the camera turned on the spot: nothing of its answer is about a floor.
+fn turns_on_the_spot(c: &Calibration) -> bool {
+    c.scene == Some(Scene::Directions)
+}
+
+/// What everybody asks for.
 fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
     let [width, height] = c.camera.image_size;
     let used = c.motions.iter().filter(|m| m.used).count();
+    let general = c.motion == Some(MotionKind::General);
+    let mut list = vec![
+        ("Images", format!("{}, {width} x {height} px", c.evidence.images.len())),
+        (if general { "Pairs used" } else { "Motions used" }, format!("{used} of {} pairs", c.motions.len())),
+    ];
+    let refinement = c.fit.refinement.as_ref();
+    if let Some((rms_px, r)) = refinement.and_then(|r| Some((r.reprojection_rms_px?, r))) {
+        list.push(("Reprojection", format!("{} px rms", fixed(rms_px, decimals_of_sigma(rms_px).min(4)))));
+        list.push(("Points", format!("{}, seen {} times", r.tracks, r.observations)));
+    }
+    let grid = c.projection_uncertainty.as_ref();
+    if let Some([middle, _, most]) = grid.and_then(|g| in_short(g, &g.distant_px)) {
+        let [middle, most] = [middle, most].map(|v| fixed(v, decimals_of_sigma(v).min(4)));
+        list.push(("Expected error", format!("{middle} px, at most {most}")));
+    }
+    if turns_on_the_spot(c) {
+        list.push(("Scene", "far away: it turned on the spot".into()));
+    } else if general {
+        list.push(("Motion", "any, before one plane".into()));
+    } else {
+        list.push(("Attitudes", c.attitudes.len().to_string()));
+    }
+    list.push(("Lens", distortion(c)));
+    if let Some(height_m) = c.camera_height_m {
+        let sigma = c.camera_height_sigma_m;
+        let decimals = sigma.filter(|s| *s > 0.0).map_or(3, decimals_of_sigma);
+        list.push(("Camera height", format!("{} m", with_sigma(Some(height_m), sigma, decimals))));
+    }
+    list.extend(c.on_base.iter().map(|b| ("On the base", on_base(b))));
+    list
+}
+
+/// The camera on a robot, in a sentence.
+fn on_base(b: &CameraOnBase) -> String {
+    let value = |v: f64, sigma: f64| with_sigma(Some(v), Some(sigma), decimals_of_sigma(sigma).min(5));
+    let place = match (b.position_m, b.position_sigma_m) {
+        (Some([x, y]), Some([sx, sy])) => format!("{} m ahead, {} m to the left", value(x, sx), value(y, sy)),
+        _ => "place not shown (the base hardly turned)".into(),
+    };
+    format!(
+        "{place}, {} m up, heading {} deg to the left, attitude {}; from {} motions, odometry strays by {} % of the way",
+        value(b.height_m, b.height_sigma_m),
+        value(b.yaw_deg, b.yaw_sigma_deg),
+        attitude_number(b.attitude),
+        b.motions,
+        fixed(100.0 * b.relative_noise, 1)
+    )
+}
+
+/// How it was found, and how well all agrees.
+fn how(c: &Calibration) -> Vec<(&'static str, String)> {
     let method = match c.method {
         Method::Joint => "joint refinement",
         Method::Rotating => "rotating camera, covariance-weighted",
@@ -97,22 +255,19 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
         Method::Kzr => "linear as published (Knight, Zisserman & Reid 2003)",
     };
     let estimated = if c.attitude_sigma_estimated { ", estimated" } else { "" };
-    let mut list = vec![
-        ("Images", format!("{}, {width} x {height} px", c.evidence.images.len())),
-        ("Method", method.into()),
-        ("Motions used", format!("{used} of {} pairs", c.motions.len())),
-        ("Constraint", c.constraint.to_string()),
-        ("Attitudes", c.attitudes.len().to_string()),
-        ("Attitude sigma", format!("{} deg a view{estimated}", fixed(c.attitude_sigma_deg, 3))),
-    ];
+    let mut list = vec![("Method", method.to_string()), ("Constraint", c.constraint.to_string())];
+    let attitude_sigma = match c.motion {
+        Some(MotionKind::General) => "every view has an attitude of its own".into(),
+        _ => format!("{} deg a view{estimated}", fixed(c.attitude_sigma_deg, 3)),
+    };
+    list.push(("Attitude sigma", attitude_sigma));
     if let Some(r) = &c.fit.refinement {
-        let scene = match c.scene {
-            Some(Scene::Directions) => "far away, the camera turns on the spot".to_string(),
-            Some(Scene::Floor) | None => format!("floor; {} ties between attitudes", r.ties),
-        };
-        list.push(("Scene", scene));
-        let heights = c.height_sigma.map_or("no part".into(), |s| format!("{} % a view", fixed(100.0 * s, 3)));
-        list.push(("Height sigma", heights));
+        if !turns_on_the_spot(c) {
+            list.push(("Scene", format!("floor; {} ties between attitudes", r.ties)));
+        }
+        if let Some(s) = c.height_sigma {
+            list.push(("Height sigma", format!("{} % a view", fixed(100.0 * s, 3))));
+        }
         let kinds = [("patches", &r.patches), ("points", &r.points)].into_iter().filter_map(|(kind, k)| {
             let k = k.as_ref()?;
             let (variance, design) = (fixed(k.variance_factor, 2), fixed(k.design_effect, 1));
@@ -125,7 +280,6 @@ fn made_from(c: &Calibration) -> Vec<(&'static str, String)> {
         n => format!("{} for {n} degrees of freedom", fixed(c.fit.chi_squared, 1)),
     };
     list.push(("Chi-squared", chi_squared));
-    list.push(("Distortion", distortion(c)));
     list
 }
 
@@ -183,7 +337,7 @@ fn priors(c: &Calibration) -> Table {
     table
 }
 
-/// The motions used.
+/// The motions used. Of a camera that turned on the spot there is no height to compare.
 fn motions(c: &Calibration) -> Table {
     let mut table = Table::new()
         .name("from")
@@ -192,22 +346,25 @@ fn motions(c: &Calibration) -> Table {
         .number("rho")
         .number("matches")
         .number("rms px")
-        .number("pitch")
-        .number("roll");
+        .number("attitude");
+    let floor = !turns_on_the_spot(c);
     for m in c.motions.iter().filter(|m| m.used) {
-        let attitude = m.attitude.and_then(|a| c.attitudes.get(a));
         table.row([
             m.from.clone(),
             m.to.clone(),
             with_sigma(m.rotation_deg, m.rotation_sigma_deg, 3),
-            with_sigma(m.rho, m.rho_sigma, 4),
+            with_sigma(m.rho.filter(|_| floor), m.rho_sigma, 4),
             m.matches.to_string(),
             or_dash(m.rms_px, 2),
-            or_dash(attitude.map(|a| a.pitch_down_deg), 2),
-            or_dash(attitude.map(|a| a.roll_deg), 2),
+            m.attitude.filter(|_| floor).map_or("-".into(), attitude_number),
         ]);
     }
     table.without_empty_columns()
+}
+
+/// Attitudes are counted from 1 wherever people read of them.
+fn attitude_number(index: usize) -> String {
+    (index + 1).to_string()
 }
 
 /// Motions used that do not fit the others.
@@ -234,7 +391,7 @@ fn attitudes(c: &Calibration) -> Table {
         let turned = a.horizon_px.map(|[p, q, _]| (-p / q).atan().to_degrees());
         let above = a.horizon_px.map(|[p, q, r]| -(p * x + q * y + r));
         table.row([
-            i.to_string(),
+            attitude_number(i),
             with_sigma(Some(a.pitch_down_deg), a.pitch_down_sigma_deg, 3),
             with_sigma(Some(a.roll_deg), a.roll_sigma_deg, 3),
             with_sigma(a.height, a.height_sigma, 5),
@@ -242,7 +399,7 @@ fn attitudes(c: &Calibration) -> Table {
             with_sigma(above, a.horizon_sigma_px, 2),
         ]);
     }
-    table
+    table.without_empty_columns()
 }
 
 /// Where each view is and where it looks.
@@ -269,48 +426,47 @@ fn views(c: &Calibration) -> Table {
             coordinate(2),
         ]);
     }
-    table
+    table.without_empty_columns()
 }
 
-/// What was left out and why: pairs with a plane one by one (some, or all with `verbose`), the others by number.
-fn not_used(c: &Calibration, options: &SummaryOptions) -> String {
+/// What was left out and why.
+fn not_used(c: &Calibration, width: usize) -> String {
     let left: Vec<&MotionReport> = c.motions.iter().filter(|m| !m.used && !m.tie).collect();
     if left.is_empty() {
         return String::new();
     }
     let with_plane = left.iter().filter(|m| m.rotation_deg.is_some()).count();
-    let list_all = options.verbose || left.len() <= MAX_LISTED;
+    let what = if turns_on_the_spot(c) { "a common turn" } else { "a common plane" };
     let head = format!(
-        "not used: {} pairs; {with_plane} with a common plane, {} without one or with too few matches{}",
+        "not used: {} pairs; {with_plane} with {what}, {} without one or with too few matches:",
         left.len(),
         left.len() - with_plane,
-        if list_all { ":" } else { " (all: --verbose, or calibration.json)" }
     );
-    let shown: Vec<&MotionReport> =
-        if list_all { left } else { left.into_iter().filter(|m| m.rotation_deg.is_some()).take(MAX_LISTED).collect() };
-    let mut out = wrapped(&head, 0, options.width) + "\n";
-    for m in &shown {
+    let mut out = wrapped(&head, 0, width) + "\n";
+    for m in &left {
         let reason = m.reason.as_deref().unwrap_or("-");
         let turn = m.rotation_deg.map_or(String::new(), |t| format!(" ({} deg, {} matches)", fixed(t, 1), m.matches));
-        out += &(wrapped(&format!("{} - {}{turn}: {reason}", m.from, m.to), 2, options.width) + "\n");
-    }
-    if shown.len() < with_plane {
-        out += &format!("  ... and {} more\n", with_plane - shown.len());
+        out += &(wrapped(&format!("{} - {}{turn}: {reason}", m.from, m.to), 2, width) + "\n");
     }
     out
 }
 
 /// What the words and numbers mean.
-fn notes(c: &Calibration, verbose: bool) -> Vec<String> {
-    let mut notes = vec![
-        "Pixel (0,0) is the centre of the top-left pixel. turn: of the camera, anticlockwise seen from above; rho: height of the second \
-         view over the floor in units of the first's (1: constant height); pitch: optical axis below the horizon; roll: right-hand side \
-         down; both in degrees."
-            .to_string(),
-    ];
-    if !c.attitudes.is_empty() {
+fn notes(c: &Calibration) -> Vec<String> {
+    let convention = "Pixel (0,0) is the centre of the top-left pixel.";
+    let mut notes = Vec::new();
+    if turns_on_the_spot(c) {
+        notes.push(format!(
+            "{convention} turn: of the camera, in degrees, anticlockwise seen from above; pitch and roll, where there are any: of the optical \
+             axis below the plane that the axis of turning is square to, and about it (right-hand side down)."
+        ));
+    } else {
+        notes.push(format!(
+            "{convention} turn: of the camera, anticlockwise seen from above; rho: height of the second view over the floor in units of the \
+             first's (1: constant height); pitch: optical axis below the horizon; roll: right-hand side down; both in degrees."
+        ));
         let unit = match (c.camera_height_m, c.views.is_empty()) {
-            (Some(metres), _) => format!("height: {metres} m at the first view of each set"),
+            (Some(metres), _) => format!("height: {} m at the first view of each set", fixed(metres, 4)),
             (None, false) => "height: 1 at the first view of each set".into(),
             (None, true) => "height: not estimated".into(),
         };
@@ -321,16 +477,18 @@ fn notes(c: &Calibration, verbose: bool) -> Vec<String> {
     }
     if c.fit.refinement.is_some() {
         notes.push(
-            "Observations: in brackets the variance of the residuals over that under single homographies, and how much more neighbours \
-             have in common than independent ones would; both are in the error bars."
+            "Reprojection: root mean square distance of points from where the camera shows them. Expected error: of where a point far away is shown, \
+             after the rotation that fits best, in the middle of the image and where it is largest. Observations: in brackets the variance of \
+             the residuals over that under single homographies, and how much more neighbours have in common than independent ones would; both \
+             are in the error bars."
                 .into(),
         );
     }
-    if verbose && !c.views.is_empty() {
+    if !c.views.is_empty() && !turns_on_the_spot(c) {
         notes.push(format!(
             "Views: +X is the heading of the view named as origin, Z up, its optical centre is at (0, 0, {}); heading anticlockwise seen \
              from above.",
-            c.camera_height_m.map_or("1".into(), |m| format!("{m} m"))
+            c.camera_height_m.map_or("1".into(), |m| format!("{} m", fixed(m, 4)))
         ));
     }
     notes

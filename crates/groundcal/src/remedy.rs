@@ -47,6 +47,8 @@ pub enum Remedy {
     VaryTiltAndRoll,
     /// Take more motions, at other tilts and rolls.
     MoreMotions,
+    /// Take more pictures of the plane, from other tilts and headings.
+    MoreViews,
     /// Take more motions than a plan says.
     MoreMotionsThanPlanned,
     /// Take more motions, with clear turns and tilts that tell the focal length.
@@ -138,6 +140,7 @@ impl Remedy {
             Remedy::RollCamera { .. } => "roll_camera",
             Remedy::VaryTiltAndRoll => "vary_tilt_and_roll",
             Remedy::MoreMotions => "more_motions",
+            Remedy::MoreViews => "more_views",
             Remedy::MoreMotionsThanPlanned => "more_motions_than_planned",
             Remedy::ClearMotions => "clear_motions",
             Remedy::TurnAtLeast { .. } => "turn_at_least",
@@ -179,7 +182,7 @@ impl std::fmt::Display for Remedy {
                 "take a second image after turning (and, if you like, moving) the camera over the floor without tilting it"
             }
             Remedy::CheckImages => {
-                "check that the images belong together, overlap by half or more, and that the floor has visible texture and is in focus"
+                "check that the images belong together, overlap by half or more, and that the plane or the scene in them has visible texture and is in focus"
             }
             Remedy::TurnCamera { from_deg, to_deg } => {
                 return write!(
@@ -203,6 +206,9 @@ impl std::fmt::Display for Remedy {
             }
             Remedy::VaryTiltAndRoll => "vary tilt and roll more",
             Remedy::MoreMotions => "take more motions, at other tilts and rolls",
+            Remedy::MoreViews => {
+                "take five pictures or more of the same plane, from several sides, the camera tilted by 20 to 50 degrees to it"
+            }
             Remedy::MoreMotionsThanPlanned => "make more motions than planned",
             Remedy::ClearMotions => {
                 "take more motions with turns of 15 to 60 degrees, the camera 30 to 60 degrees below the horizon"

@@ -4,7 +4,9 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches},
+    calibrate::{
+        HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, earlier::priors_of,
+    },
     geometry::{camera::Camera, lens::Lens, size::ImageSize},
     result::{Calibration, Warning},
     start::linear_camera::GivenPrior,
@@ -13,8 +15,8 @@ use groundcal::{
 use groundcal_io::{
     export::{self, Format},
     images::{MaskFiles, read_images},
-    import::read_camera,
-    inputs::{Inputs, find_inputs},
+    import::{groundcal_json, read_camera},
+    inputs::{Inputs, Search, find_inputs_by},
     matches::{PairChoice, read_matches, read_pairs},
     names::image_names,
     note::Note,
@@ -32,9 +34,12 @@ use crate::{
         parse_prior, parse_size,
     },
     error::CliError,
+    foreign,
     output::{self, Results},
     progress::StageTimes,
     remedies::Flags,
+    scale::{self, Lengths},
+    terminal::{self, ColorArg},
 };
 
 /// `groundcal calibrate`.
@@ -53,6 +58,14 @@ pub(crate) struct CalibrateArgs {
     /// Folders, image files (JPEG, PNG, TIFF, WebP), glob patterns, or one matches.csv / tracks.csv
     #[arg(required = true, value_name = "INPUT")]
     pub(crate) inputs: Vec<PathBuf>,
+
+    /// Search the folders in folders too
+    #[arg(long)]
+    pub(crate) recursive: bool,
+
+    /// Leave out files of folders and patterns whose name matches (`thumb_*`), or whose path does (`old/`, `old/*.png`). May be repeated
+    #[arg(long, value_name = "PATTERN")]
+    pub(crate) exclude: Vec<String>,
 
     /// CSV of image pairs known to be turns about the floor's normal: image_a,image_b (default: they are found)
     #[arg(long, value_name = "FILE")]
@@ -96,8 +109,8 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_enum)]
     pub(crate) radial: Option<RadialArg>,
 
-    /// Lens distortion: what is estimated of it (`none`: the error bars do not cover it)
-    #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
+    /// The lens: what is estimated of it (`none`: the error bars do not cover it)
+    #[arg(long = "lens", visible_alias = "distortion", value_enum, default_value_t = DistortionArg::Auto)]
     pub(crate) distortion: DistortionArg,
 
     /// Camera file (of groundcal, OpenCV, ROS, Kalibr, COLMAP, nerfstudio) whose lens is known, of any model, fisheyes too: its
@@ -128,6 +141,19 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "METRES", value_parser = parse_height, allow_negative_numbers = true)]
     pub(crate) camera_height: Option<f64>,
 
+    /// A distance on the floor that is known, between two pixels of an image: metres [+-SIGMA]. Gives positions in metres
+    #[arg(long, value_names = ["VIEW", "X1,Y1", "X2,Y2", "METRES"], num_args = 4, conflicts_with = "camera_height", allow_hyphen_values = true)]
+    pub(crate) floor_distance: Vec<String>,
+
+    /// CSV of a robot's odometry: image (or time, where images are named by their times), x, y, yaw_deg (or yaw, radians), in metres. Gives positions
+    /// in metres, and where the camera sits on the robot's base
+    #[arg(long, value_name = "FILE")]
+    pub(crate) odometry: Option<PathBuf>,
+
+    /// An earlier calibration of this camera (calibration.json, or its folder) as what is known of it; --prior goes before it
+    #[arg(long, value_name = "FILE")]
+    pub(crate) prior_from: Option<PathBuf>,
+
     /// Image size, for matches.csv and tracks.csv
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(crate) image_size: Option<ImageSize>,
@@ -155,6 +181,10 @@ pub(crate) struct CalibrateArgs {
     /// Print the calibration as JSON on standard output and nothing else there
     #[arg(long)]
     pub(crate) json: bool,
+
+    /// The command line itself, for the page.
+    #[arg(skip)]
+    pub(crate) command_line: String,
 
     #[command(flatten)]
     pub(crate) overwrite: OverwriteArg,
@@ -231,14 +261,15 @@ impl From<MethodArg> for Method {
 }
 
 /// Calibrates, writes the files of `--out` and prints the report.
-pub(crate) fn run(args: &CalibrateArgs) -> Result<(), CliError> {
+pub(crate) fn run(args: &CalibrateArgs, color: ColorArg) -> Result<(), CliError> {
     if let Some(out) = &args.out {
         output::check_folder(out)?;
     }
-    let inputs = find_inputs(&args.inputs)?;
+    let search = Search { recursive: args.recursive, exclude: args.exclude.clone() };
+    let inputs = find_inputs_by(&args.inputs, &search)?;
     let masks = find_masks(args, &inputs)?;
     let results = begin(args, &inputs, masks.as_ref())?;
-    output::on_threads(args.threads, || calibrate(args, inputs, masks, results))
+    output::on_threads(args.threads, || calibrate(args, color, inputs, masks, results))
 }
 
 /// The masks of the images, if they have any.
@@ -263,7 +294,7 @@ fn begin(args: &CalibrateArgs, inputs: &Inputs, masks: Option<&MaskFiles>) -> Re
         Inputs::Csv(file) => std::slice::from_ref(file),
     };
     let masks = masks.map_or(&[][..], MaskFiles::files);
-    let read: Vec<PathBuf> = files.iter().chain(&args.pairs).chain(masks).cloned().collect();
+    let read: Vec<PathBuf> = files.iter().chain(&args.pairs).chain(&args.odometry).chain(masks).cloned().collect();
     let request = Request {
         folder: out,
         command: "calibrate",
@@ -281,6 +312,7 @@ fn formats(args: &CalibrateArgs) -> Vec<Format> {
 
 fn calibrate(
     args: &CalibrateArgs,
+    color: ColorArg,
     inputs: Inputs,
     masks: Option<MaskFiles>,
     results: Option<Results>,
@@ -293,13 +325,24 @@ fn calibrate(
         CliError::Stopped(_) => error,
         error => progress.noted(error),
     })?;
-    if let Some(height_m) = args.camera_height {
-        calibration = calibration.with_camera_height(height_m)?;
+    let lengths = Lengths {
+        camera_height_m: args.camera_height,
+        floor_distance: &args.floor_distance,
+        odometry: args.odometry.as_deref(),
+    };
+    let (scaled, said) = scale::scaled(&lengths, calibration)?;
+    calibration = scaled;
+    for note in said {
+        output::note(&note);
     }
     let mut finished = None;
     if let Some(results) = results {
         let start = Instant::now();
-        let page = if args.no_report { None } else { Some(html::page(&calibration, &images, &Flags)?) };
+        let page = if args.no_report {
+            None
+        } else {
+            Some(html::page(&calibration, &images, &Flags, Some(&args.command_line))?)
+        };
         for note in write_results(&results, &calibration, &formats(args), page.as_deref())? {
             output::note(&note);
         }
@@ -309,8 +352,15 @@ fn calibrate(
     if args.json {
         output::print_json(&export::json(&calibration, &Flags)?)?;
     } else {
-        let options = SummaryOptions { verbose: args.verbose, ..SummaryOptions::default() };
-        output::print(&text::summary(&calibration, &options, &Flags))?;
+        let more = match args.out {
+            Some(_) => "Motions, attitudes, views and what was left out: the page, or --verbose.",
+            None => {
+                "Motions, attitudes, views and what was left out: --verbose, or the page and files of --out FOLDER."
+            }
+        };
+        let options = SummaryOptions { width: terminal::width(), verbose: args.verbose, more };
+        let lines = text::summary_lines(&calibration, &options, &Flags);
+        output::print_lines(&lines, color)?;
     }
     if let Some(finished) = finished {
         finished.tell();
@@ -318,9 +368,9 @@ fn calibrate(
     if args.verbose {
         let total: f64 = times.iter().map(|t| t.1.as_secs_f64()).sum();
         for (stage, time) in &times {
-            output::tell(&format!("{stage:<20}{:>8.3} s", time.as_secs_f64()));
+            output::remark(&format!("{stage:<20}{:>8.3} s", time.as_secs_f64()));
         }
-        output::tell(&format!("{:<20}{total:>8.3} s", "all"));
+        output::remark(&format!("{:<20}{total:>8.3} s", "all"));
     }
     Ok(())
 }
@@ -351,7 +401,8 @@ fn from_inputs(
             if let Some(path) = &args.pairs {
                 options.pairs = Some(read_pairs(path, &names)?);
             }
-            let read = read_images(&files)?;
+            let read = read_images(&files).map_err(|e| foreign::of_file(e, &files, &args.inputs))?;
+            foreign::check_size(&files, &names, &read.images, &args.inputs)?;
             tell(&read.notes, progress);
             options.stated_focal_px = read.stated_focal_px;
             let mut images = read.images;
@@ -360,6 +411,7 @@ fn from_inputs(
             }
             if let Some(image) = images.first() {
                 take_known_lens(args, image.size(), &mut options, progress)?;
+                take_earlier(args, image.size(), &mut options)?;
             }
             let calibration = calibrate_images(&names, &images, &options, progress)?;
             Ok(Calibrated { calibration, images })
@@ -375,6 +427,7 @@ fn from_inputs(
             let table = read_matches(&path, size, choice)?;
             tell(&table.notes, progress);
             take_known_lens(args, size, &mut options, progress)?;
+            take_earlier(args, size, &mut options)?;
             options.pairs.clone_from(&table.listed);
             let count = table.names.len();
             let mut calibration = calibrate_matches(&table.names, size, &table.pairs, &options, progress)
@@ -389,6 +442,17 @@ fn from_inputs(
 
 fn tell(notes: &[Note], progress: &StageTimes) {
     notes.iter().for_each(|note| progress.note(note.code, note.to_string()));
+}
+
+/// Takes what `--prior-from` knows, where `--prior` says nothing.
+fn take_earlier(args: &CalibrateArgs, size: ImageSize, options: &mut Options) -> Result<(), CliError> {
+    let Some(file) = &args.prior_from else { return Ok(()) };
+    let earlier = groundcal_json::read(file)?;
+    let priors = priors_of(&earlier, size).map_err(|e| CliError::of_file(file, e))?;
+    let given = |p: &GivenPrior| options.priors.iter().any(|g| g.parameter == p.parameter);
+    let new: Vec<GivenPrior> = priors.into_iter().filter(|p| !given(p)).collect();
+    options.priors.extend(new);
+    Ok(())
 }
 
 /// Takes the lens of `--lens-from`, and the camera matrix through which it was measured, at the size of these images.

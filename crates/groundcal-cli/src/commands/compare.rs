@@ -9,6 +9,7 @@ use crate::{
     args::OverwriteArg,
     error::CliError,
     output::{self, Finished, Results, canvas_names},
+    terminal,
 };
 use groundcal_io::{
     import::{self, ImportedCamera},
@@ -19,7 +20,6 @@ use groundcal_report::{
     compare::{self, CompareError},
     comparison,
     plot::Field,
-    terminal,
 };
 
 /// `groundcal compare`.
@@ -124,7 +124,7 @@ fn compared(args: &CompareArgs, results: Option<Results>) -> Result<(String, Vec
     if args.json {
         return Ok((json, notes, finished));
     }
-    Ok((comparison::text(&all, terminal::WIDTH), notes, finished))
+    Ok((comparison::text(&all, terminal::width()), notes, finished))
 }
 
 fn write_files(results: Results, json: &str, pictures: &[Field]) -> Result<Finished, CliError> {

@@ -83,7 +83,9 @@ pub(crate) enum StudyArg {
     Transfer,
     /// All subsets of 2, 3, 4 and 6 out of twelve motions: predicted and true errors
     Subsets,
-    /// All eight
+    /// Views from anywhere before a plane: their number, 3 to 15, and the spread of their tilts, 5 to 50 degrees
+    General,
+    /// All nine
     All,
 }
 
@@ -98,6 +100,7 @@ impl StudyArg {
             StudyArg::Radial => vec![Study::Radial],
             StudyArg::Transfer => vec![Study::Transfer],
             StudyArg::Subsets => vec![Study::Subsets],
+            StudyArg::General => vec![Study::General],
             StudyArg::All => Study::all(),
         }
     }
@@ -125,6 +128,14 @@ pub(crate) fn run(args: &SimulateArgs) -> Result<(), CliError> {
         && only.varies_noise()
     {
         return Err(CliError::Usage(format!("--noise-px {noise}: `{}` varies the noise itself", only.name())));
+    }
+    if let ([only], Some(deg)) = (studies.as_slice(), args.roll_deg)
+        && !only.knows_rolls()
+    {
+        return Err(CliError::Usage(format!(
+            "--roll-deg {deg}: the views of `{}` are rolled by any angle",
+            only.name()
+        )));
     }
     // All of them are asked for before the first.
     for study in &studies {

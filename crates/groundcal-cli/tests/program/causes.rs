@@ -64,7 +64,7 @@ fn the_rotating_camera_method_knows_its_limits() {
     let rotating = ["--method", "rotating", "--max-features", "800", "--threads", "1"];
     // The axis 0.2 m off over a floor 1.3 m away: nearly rotations, with a warning.
     let path = at("examples/head");
-    let head = groundcal(&[&["calibrate", path.as_str()][..], &rotating].concat());
+    let head = groundcal(&[&["calibrate", path.as_str(), "--verbose"][..], &rotating].concat());
     let json = calibrate(&[&[path.as_str()][..], &rotating].concat()).json();
     assert_eq!((head.code, json["method"].as_str()), (0, Some("rotating")), "{}", head.stderr);
     assert!(head.stdout.contains("rotating camera") && warnings(&json).contains(&"not_rotations"), "{}", head.stdout);

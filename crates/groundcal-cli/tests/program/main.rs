@@ -22,3 +22,4 @@ mod schema;
 mod shared_data;
 mod simulate;
 mod structure;
+mod terminal;

@@ -324,7 +324,14 @@ fn matches_from_elsewhere_get_the_page_without_pictures_whatever_their_names() {
 #[test]
 fn the_same_page_for_any_number_of_threads() {
     let pair = [at("examples/tripod/00a.jpg"), at("examples/tripod/00b.jpg")];
-    let with = |threads: &str| page(&[&pair[0], &pair[1], "--threads", threads]).html;
+    // But for the command that made it.
+    let without_command = |html: String| {
+        let (head, rest) = html.split_once("<code id=\"command\">").expect("the command");
+        let (command, tail) = rest.split_once("</code>").expect("its end");
+        assert!(command.starts_with("groundcal calibrate ") && command.contains("--threads"), "{command}");
+        format!("{head}{tail}")
+    };
+    let with = |threads: &str| without_command(page(&[&pair[0], &pair[1], "--threads", threads]).html);
     assert!(with("1") == with("2"));
 }
 
@@ -373,7 +380,7 @@ fn in_a_browser_it_opens_without_errors_and_its_controls_work() {
         (24, 6, 6, 6),
         "{said}"
     );
-    assert_eq!((count("layer:ok"), count("pictures:ok")), (3, 1), "{said}");
+    assert_eq!((count("layer:ok"), count("pictures:ok"), count("copy:ok")), (3, 1, 3), "{said}");
     // A page whose script fails is told apart.
     let (broken, _) = opened(browser, &tripod().html.replace("JSON.parse(", "JSON.prase("));
     assert!(!broken.contains("data-selftest="), "a broken script passed");

@@ -144,6 +144,36 @@ fn general_motion_is_refused_or_answered_within_its_error_bars() {
     }
 }
 
+/// Corners of boards seen from anywhere, blind: against the camera with the board's shape released, since the boards are bent.
+#[test]
+fn boards_moved_in_any_way_give_the_camera() {
+    let sets = [
+        ("real_planecalib_corners/vuar33", 552.0, 0.003),
+        ("real_planecalib_corners/webcam", 1384.0, 0.003),
+        ("real_planecalib_corners/oldcam", 761.1, 0.005),
+        ("real_planecalib_more/oldcam_old", 751.8, 0.005),
+        ("real_planecalib_more/webcam640_old", 620.4, 0.005),
+        ("real_opencv_chess/left", 534.2, 0.003),
+        ("real_opencv_chess/right", 536.0, 0.003),
+        // Its reference is known to 0.4 % alone.
+        ("real_rct_charuco", 1360.0, 0.008),
+    ];
+    let mut errors = Vec::new();
+    for (name, fx, tolerance) in sets {
+        let Some(folder) = set(name) else { return };
+        let truth = read_json(&folder.join("truth.json"));
+        let size = format!("{}x{}", truth["image_size"][0], truth["image_size"][1]);
+        let json = calibrate(&[&text(&folder.join("tracks.csv")), "--image-size", &size]).json();
+        assert_eq!(json["motion"], "general", "{name}");
+        let (found, sigma) = (number(&json, "/camera/fx"), number(&json, "/standard_deviation/fx"));
+        println!("{name}: fx {found:.2} +- {sigma:.2}, reference {fx}");
+        assert!((found / fx - 1.0).abs() < tolerance && (found - fx).abs() < 3.0 * sigma, "{name}: {found} +- {sigma}");
+        errors.push((found / fx - 1.0).abs());
+    }
+    errors.sort_by(f64::total_cmp);
+    assert!(errors[errors.len() / 2] < 0.002, "{errors:?}");
+}
+
 #[test]
 fn axes_off_by_more_than_a_degree_are_in_the_error_bar() {
     let Some(folder) = set("real_rct_charuco") else { return };

@@ -6,7 +6,7 @@ use crate::common::*;
 use tempfile::tempdir;
 
 const STUDIES: [(&str, usize); 5] = [("noise", 40), ("offset", 60), ("motions", 36), ("angle", 80), ("axis", 80)];
-const FURTHER: [&str; 3] = ["radial", "transfer", "subsets"];
+const FURTHER: [&str; 4] = ["radial", "transfer", "subsets", "general"];
 
 /// The lines of a table as column name -> text.
 fn table(path: &Path) -> Vec<BTreeMap<String, String>> {
@@ -183,6 +183,18 @@ fn one_setting_may_be_asked_for() {
     simulate("motions", folder.path(), &[&asked[..], &["--noise-px", "0.3"]].concat());
     let lines = table(&folder.path().join("motions.csv"));
     assert!(lines.len() == 9 * 9 && lines.iter().all(|line| line["noise_px"] == "0.3"));
+}
+
+#[test]
+fn views_from_anywhere_are_rolled_by_any_angle() {
+    let folder = tempdir().unwrap();
+    simulate("general", folder.path(), &["--matches", "40", "--image-size", "640x480", "--trials", "3"]);
+    let lines = table(&folder.path().join("general.csv"));
+    // Three methods, seven numbers of views and seven tilts.
+    assert_eq!(lines.len(), 3 * 14);
+    assert!(lines.iter().all(|line| line["matches"] == "40" && line["image_width"] == "640"));
+    let refused = groundcal(&["simulate", "general", "--roll-deg", "10", "--out", &text(folder.path())]);
+    assert!(refused.code == 2 && refused.stderr.contains("any angle"), "{}", refused.stderr);
 }
 
 #[test]

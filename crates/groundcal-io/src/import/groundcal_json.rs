@@ -282,7 +282,7 @@ mod tests {
         wrong("[800, 600]", "[100000, 100000]", &["camera.image_size", "megapixels"]);
         wrong("\"format_version\": 1", "\"format_version\": 7", &["format_version is 7", "reads 1"]);
         let later = "\"format_version\": 1, \"schema_version\": 9";
-        wrong("\"format_version\": 1", later, &["schema_version is 9", "reads 1 to 4"]);
+        wrong("\"format_version\": 1", later, &["schema_version is 9", "reads 1 to 5"]);
         wrong("\"format_version\": 1,", "", &["no format_version", "calibration.json"]);
         wrong("radtan", "omni", &["omni", "radtan"]);
         wrong("\"joint\"", "\"magic\"", &["magic", "rotating"]);

@@ -3,6 +3,7 @@
 //! `table` is the CSV itself; `matches_csv`, `tracks_csv` and `pairs_csv` are what it may hold.
 
 mod matches_csv;
+mod odometry_csv;
 mod pairs_csv;
 mod point_pairs;
 mod table;
@@ -14,6 +15,7 @@ use groundcal::geometry::size::ImageSize;
 
 use crate::{error::IoError, text::some_of};
 
+pub use odometry_csv::read_odometry;
 pub use pairs_csv::read_pairs;
 pub use point_pairs::PointPairs;
 pub use tracks_csv::{TracksOfImage, pairs_of_tracks};

@@ -191,7 +191,7 @@ impl Row<'_> {
         Ok(printable(text).into_owned())
     }
 
-    fn number(&self, column: &str) -> Result<f64, IoError> {
+    pub(crate) fn number(&self, column: &str) -> Result<f64, IoError> {
         let text = self.field(column)?;
         // A comment that stands close to its `#`.
         let text = text.split_once(" #").map_or(text, |(number, _)| number.trim_end());

@@ -2,6 +2,7 @@
 
 pub mod catalogue;
 pub mod figure4;
+pub mod general;
 pub mod radial;
 pub mod reports;
 pub mod setting;

@@ -12,7 +12,7 @@ from . import _groundcal
 from ._errors import GroundcalWarning
 
 Constraint = Literal["auto", "full", "zero-skew", "square", "fixed-pp", "focal"]
-Lens = Literal["none", "k1", "k1k2"]
+Lens = Literal["none", "k1", "k1k2", "radtan", "fisheye"]
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 

@@ -337,9 +337,9 @@ def simulate(
 
     Args:
         study: What is varied: ``"noise"``, ``"offset"``, ``"motions"``, ``"angle"``, ``"axis"``, ``"radial"``, ``"transfer"``,
-            ``"subsets"``.
+            ``"subsets"``, ``"general"``.
         matches: Of each motion; 200, and 20 by default.
-        roll_deg: Rolls within so many degrees of level; wide attitudes and narrow ones (10) by default.
+        roll_deg: Rolls within so many degrees of level; wide attitudes and narrow ones (10) by default. Not of ``"general"``.
         noise_px: Standard deviation of each image coordinate where the study does not vary it; 1 by default.
         image_size: Width and height in pixels, the field of view staying as it is; (1280, 960) by default.
         trials: For each point of a curve.

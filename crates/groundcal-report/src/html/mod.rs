@@ -12,11 +12,16 @@ use groundcal::{remedy::Wording, result::Calibration, vision::image::GrayImage};
 use crate::{canvas::svg::escape, error::ReportError};
 use pictures::Pictures;
 
-/// The page. `images` in the order of the calibration's evidence; none for matches from elsewhere.
+/// The page. `images` in the order of the calibration's evidence; none for matches from elsewhere. `command`: what made it, in a line.
 ///
 /// # Errors
 /// An image without pixels; a fault in encoding a picture.
-pub fn page(c: &Calibration, images: &[GrayImage], wording: &dyn Wording) -> Result<String, ReportError> {
+pub fn page(
+    c: &Calibration,
+    images: &[GrayImage],
+    wording: &dyn Wording,
+    command: Option<&str>,
+) -> Result<String, ReportError> {
     let mut model = model::model(c, wording);
     let pictures = if images.is_empty() {
         Pictures::default()
@@ -26,7 +31,7 @@ pub fn page(c: &Calibration, images: &[GrayImage], wording: &dyn Wording) -> Res
     let data = serde_json::to_string(&model)
         .map_err(|e| ReportError(format!("cannot write the numbers of the report: {e}")))?;
     let (title, style, script) = (escape(&sections::title(c)), include_str!("page.css"), include_str!("page.js"));
-    let body = sections::body(c, &model, &pictures);
+    let body = sections::body(c, &model, &pictures, command);
     // No `</script>` may appear inside.
     let data = data.replace('<', "\\u003c");
     Ok(format!(

@@ -36,6 +36,26 @@
   for (const button of all('[data-blink]')) {
     button.addEventListener('click', () => blink(button, button.getAttribute('aria-pressed') !== 'true'));
   }
+  // Where the clipboard is closed to pages from files, the text is selected to be copied by hand.
+  for (const button of all('[data-copy]')) {
+    button.addEventListener('click', () => {
+      const pre = button.parentElement.querySelector('pre');
+      const chosen = () => {
+        const range = document.createRange();
+        range.selectNodeContents(pre);
+        const selection = getSelection();
+        selection.removeAllRanges();
+        selection.addRange(range);
+      };
+      const said = (word) => { button.textContent = word; setTimeout(() => { button.textContent = 'Copy'; }, 1500); };
+      chosen();
+      if (navigator.clipboard) {
+        navigator.clipboard.writeText(pre.textContent).then(() => said('Copied'), () => said('Selected'));
+      } else {
+        said('Selected');
+      }
+    });
+  }
   for (const box of all('[data-difference]')) {
     box.addEventListener('change', () => box.closest('.lay').classList.toggle('difference', box.checked));
   }
@@ -72,6 +92,11 @@
       box.click();
       check('layer', !layer || getComputedStyle(layer).display === 'none');
       box.click();
+    }
+    for (const button of all('[data-copy]')) {
+      button.closest('details').open = true;
+      button.click();
+      check('copy', getSelection().toString().trim() === button.parentElement.querySelector('pre').textContent.trim());
     }
     const pictures = all('image').filter((i) => i.getAttribute('href').startsWith('data:image/jpeg;base64,'));
     check('pictures', pictures.length === all('image').length);

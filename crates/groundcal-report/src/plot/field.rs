@@ -49,7 +49,7 @@ pub struct Field {
 }
 
 /// The colour of a value from 0 to 1.
-fn color(value: f64) -> Color {
+pub(crate) fn color(value: f64) -> Color {
     let at = value.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
     let i = (at as usize).min(STOPS.len() - 2);
     let part = at - i as f64;

@@ -1,9 +1,9 @@
 //! Figures that stand alone: curves in panels, and fields of vectors over an image.
 
 mod axis;
-mod field;
+pub(crate) mod field;
 mod figure;
-mod ink;
+pub(crate) mod ink;
 mod layout;
 
 pub use field::Field;

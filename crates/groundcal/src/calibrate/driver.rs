@@ -10,9 +10,10 @@
 use crate::{
     calibrate::{
         copies::count_once,
+        general::solve_general,
         lens::{estimated_lens_of_motions, given_lens_of_motions, lens_placed_by_motions, through_own_camera},
         names::Names,
-        options::{HomographyFit, Method, MotionModel, Options},
+        options::{HomographyFit, LensModel, Method, MotionModel, Options},
         order::{content_key, in_order_of_images},
         outcome::assemble,
         plane_normal::solve_plane_normal,
@@ -24,12 +25,12 @@ use crate::{
         turning::{rotations_explain, solve_turning},
     },
     error::Error,
-    ids::ImageId,
+    ids::{ImageId, PairId},
     observer::{Observer, Stage},
     pairs::{
-        known_lens::{KnownLens, find_lens, find_placement},
-        observation::{PairObservation, images_of},
-        observe::{observe, refit_linearly},
+        known_lens::{KnownLens, find_fisheye, find_lens, find_placement, lens_of_motions},
+        observation::{PairObservation, images_of, why_no_motion},
+        observe::{observe, observe_anew, refit_linearly},
         pair_lens::{PairLensOptions, RadialCorrection, correct_each},
         patch::match_by_patches,
         placed_lens::PlacedLens,
@@ -37,6 +38,7 @@ use crate::{
     remedy::Remedy,
     result::{Calibration, Warning, judge::one_account_at_most},
     select::{
+        general::select_general,
         plane_normal::select_plane_normal,
         rotations::{find_turning, select_rotations},
         selection::{MotionKind, Selection},
@@ -46,6 +48,13 @@ use crate::{
 
 /// Relative change of the focal length in the last round of a fixed point that counts as rest.
 const SETTLED: f64 = 1e-6;
+
+/// Views from which on general motion is tried unasked: of three the equations for a focal length and a normal leave one to check them by.
+const FEWEST_VIEWS_UNASKED: usize = 4;
+
+/// Deviation of attitudes, radians (1 degree), from which on views of one plane are better taken for what they may be, views from anywhere. (Of 47
+/// answers to general motion as turns about a normal 44 had more.)
+const GENERAL_ATTITUDE_SIGMA_RAD: f64 = 0.0175;
 
 /// What is known before the camera is.
 struct Found {
@@ -67,26 +76,111 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
     let images = source.images.as_deref();
     let mut warnings = source.warnings;
     warnings.extend(copies_counted_once(&mut pairs, source.names, images));
-    let selection = select_motions(&pairs, &lens, &stages, observer)?;
-    let mut found = Found { pairs, lens, selection, amplification: None, warnings };
-    found = looked_at_again(found, images, &stages, observer)?;
+    let selected = select_motions(&pairs, &lens, &stages, observer);
+    // A camera that turned on the spot before no floor has no plane to be seen in general motion.
+    let turning = selected.as_ref().is_ok_and(is_turning);
+    let again = (!turning && tries_general_motion(source.names.len(), options))
+        .then(|| (pairs.clone(), lens.clone(), warnings.clone()));
+    let answer = selected.and_then(|selection| {
+        let found = Found { pairs, lens, selection, amplification: None, warnings };
+        camera_of(found, images, &stages, observer)
+    });
+    let strays = answer.as_ref().is_ok_and(|(solved, _)| strays_as_in_general_motion(solved));
+    let traits = (source.names, images);
+    let answer = answer.and_then(|(solved, found)| reported(&solved, found, traits, &stages));
+    let doubtful = strays || answer.as_ref().is_err_and(Error::is_degenerate);
+    if let Some((pairs, lens, warnings)) = again.filter(|_| doubtful) {
+        let general = of_general_motion(pairs, lens, warnings, images, &stages, observer)
+            .and_then(|(solved, found)| reported(&solved, found, traits, &stages));
+        if matches!(general, Ok(_) | Err(Error::Stopped)) {
+            observer.advance(Stage::Camera);
+            return general;
+        }
+    }
+    observer.advance(Stage::Camera);
+    answer
+}
+
+/// What is reported of a camera, and whether it may be.
+fn reported(
+    solved: &Solved,
+    found: Found,
+    (names, images): (&[String], Option<&[GrayImage]>),
+    stages: &StageOptions<'_>,
+) -> Result<Calibration, Error> {
+    let Found { pairs, lens, selection, warnings, .. } = found;
+    let calibration = assemble(solved, &selection, &pairs, &lens, Names(names), stages, warnings);
+    one_account_at_most(&calibration)?;
+    let unordered = images.is_some() && stages.options.pairs.is_none();
+    Ok(if unordered { in_order_of_images(calibration, &pairs) } else { calibration })
+}
+
+/// The camera of the motions selected first: plane-normal ones, or those of a camera turning on the spot.
+fn camera_of(
+    found: Found,
+    images: Option<&[GrayImage]>,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<(Solved, Found), Error> {
+    let mut found = looked_at_again(found, images, stages, observer)?;
     observer.begin(Stage::Camera, 1);
-    let solved = match solve(&found, &stages, observer) {
+    let solved = match solve(&found, stages, observer) {
         // Where rotations do not hold in the end, it may have been motions over a floor.
-        Err(Error::Unsound { .. }) if is_turning(&found.selection) && options.motion == MotionModel::Auto => {
+        Err(Error::Unsound { .. }) if is_turning(&found.selection) && stages.options.motion == MotionModel::Auto => {
             found.selection = select_plane_normal(&found.pairs, &stages.plane_normal, observer)?;
-            found = looked_at_again(found, images, &stages, observer)?;
-            solve(&found, &stages, observer)?
+            found = looked_at_again(found, images, stages, observer)?;
+            solve(&found, stages, observer)?
         }
         answer => answer?,
     };
-    let Found { pairs, lens, selection, warnings, .. } = found;
-    let calibration = assemble(&solved, &selection, &pairs, &lens, Names(source.names), &stages, warnings);
-    let unordered = images.is_some() && options.pairs.is_none();
-    let calibration = if unordered { in_order_of_images(calibration, &pairs) } else { calibration };
-    observer.advance(Stage::Camera);
-    one_account_at_most(&calibration)?;
-    Ok(calibration)
+    Ok((solved, found))
+}
+
+/// Whether attitudes stray from those of turns about the floor's normal by more than those of any carrier do.
+fn strays_as_in_general_motion(solved: &Solved) -> bool {
+    solved.solution.attitude_sigma_estimated && solved.solution.attitude_sigma_rad > GENERAL_ATTITUDE_SIGMA_RAD
+}
+
+/// Whether general motion is tried before giving up: nobody said what the motion was, or held what only other motions need.
+fn tries_general_motion(images: usize, options: &Options) -> bool {
+    let nothing_said =
+        options.motion == MotionModel::Auto && options.pairs.is_none() && options.attitude_sigma_deg.is_none();
+    nothing_said && options.method == Method::Joint && images >= FEWEST_VIEWS_UNASKED
+}
+
+/// The camera of views that moved in any way before one plane, where nobody asked for it: of half of the images or more, and of usual pixels. (Of 9
+/// such answers of the bench with a prior contradicted 7 were lies, of 74 others one, by a lens that was not modelled.)
+fn of_general_motion(
+    pairs: Vec<PairObservation>,
+    lens: KnownLens,
+    warnings: Vec<Warning>,
+    images: Option<&[GrayImage]>,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<(Solved, Found), Error> {
+    let moving: Vec<PairId> = pairs.iter().filter(|pair| pair.moving_plane().is_some()).map(|pair| pair.id).collect();
+    let enough = FEWEST_VIEWS_UNASKED.max(images_of(&moving, &pairs).len().div_ceil(2));
+    let too_few = |pairs: &[PairObservation]| Err(why_no_motion(pairs, stages.general.min_matches));
+    let selection = select_general(&pairs, &[], &stages.general)?;
+    if images_of(&selection.used(), &pairs).len() < enough {
+        return too_few(&pairs);
+    }
+    let found = Found { pairs, lens, selection, amplification: None, warnings };
+    if images.is_some() {
+        // What its features contradict is not worth patches.
+        solve(&found, stages, observer)?;
+    }
+    let found = looked_at_again(found, images, stages, observer)?;
+    observer.begin(Stage::Camera, 1);
+    let solved = solve(&found, stages, observer)?;
+    if images_of(&solved.used, &found.pairs).len() < enough {
+        return too_few(&found.pairs);
+    }
+    // That the motions are not those looked for is one account of what was seen; another beside it is one too many.
+    if solved.warnings.iter().any(|w| matches!(w, Warning::PriorContradicted(_))) {
+        return too_few(&found.pairs);
+    }
+    Ok((solved, found))
 }
 
 /// Of pairs of the same pictures one is left.
@@ -131,6 +225,11 @@ fn observe_pairs(
         let (pairs, finding) = find_lens(pairs, lens, &stages.observe, observer)?;
         return Ok((pairs, finding.into()));
     }
+    if options.distortion.is_none() && options.lens == LensModel::Fisheye {
+        let centre = options.assumed_principal_point(stages.size);
+        let (pairs, placement) = find_fisheye(pairs, stages.size, centre, &stages.observe, observer)?;
+        return Ok((pairs, KnownLens::Placed(placement)));
+    }
     let lens = if options.distortion.is_none() {
         KnownLens::NotModelled
     } else {
@@ -164,6 +263,9 @@ fn select_motions(
     }
     if stages.options.motion == MotionModel::Turning {
         return select_turning(pairs, lens, stages, observer);
+    }
+    if stages.options.motion == MotionModel::General {
+        return select_general(pairs, &[], &stages.general);
     }
     let plane_normal = select_plane_normal(pairs, &stages.plane_normal, observer);
     observer.go_on()?;
@@ -265,6 +367,13 @@ fn seen_again(found: Found, stages: &StageOptions<'_>, observer: &dyn Observer) 
             pairs = refit_linearly(pairs, &stages.frame, observer)?;
         }
         selection = selection.confirmed(&pairs);
+    } else if let (MotionKind::General, KnownLens::NotModelled, Some(options)) = (selection.kind, &lens, &stages.lens) {
+        // Planes of few matches told no lens one by one; all views together may.
+        let centre = options.assumed_centre();
+        lens = lens_of_motions(&pairs, &selection.used(), centre, None, options, observer)?.into();
+        if lens.lens().is_some() {
+            pairs = observe_anew(pairs, lens.lens(), &stages.observe, observer)?;
+        }
     }
     Ok(Found { pairs, lens, selection, amplification, warnings })
 }
@@ -279,6 +388,7 @@ fn solve(found: &Found, stages: &StageOptions<'_>, observer: &dyn Observer) -> R
         }
         // Its selection knows plane-normal motions alone.
         (Method::Kzr, _) => solve_published(pairs, selection, lens, stages, observer)?,
+        (Method::Joint | Method::Linear, MotionKind::General) => solve_general(pairs, lens, stages, observer)?,
         (Method::Joint | Method::Linear, MotionKind::Turning { focal_px }) => {
             solve_turning(pairs, selection, focal_px, lens, stages, observer)?
         }

@@ -10,7 +10,10 @@
 use nalgebra::{DMatrix, DVector, Vector2};
 
 use crate::{
-    calibrate::matter::{Matter, Refined},
+    calibrate::{
+        matter::{Matter, Refined},
+        options::FISHEYE_SIGMAS,
+    },
     error::Error,
     geometry::lens::{Fisheye, Lens, Radtan},
     pairs::known_lens::{K1_SIGMA, K2_SIGMA},
@@ -20,9 +23,9 @@ use crate::{
 /// Radius of the image's corner over that of an ideal lens, above which no fisheye is tried: at 30 degrees from the axis an equidistant lens
 /// has 0.91 of it, a stereographic one 0.93; at 40 degrees 0.83 and 0.87.
 const LEAST_BARREL: f64 = 0.95;
-/// Priors of a fisheye's k1, k2 and k3; what is held would be taken up by the others, and be wrong by more than their error bars. (An equisolid lens has k1 = -0.042, a stereographic one 0.083, an
-/// orthographic one -0.167 with k2 = 0.008; those of `cv2.fisheye` calibrations are some hundredths.)
-const K_SIGMA: [f64; 3] = [0.1, 0.05, 0.02];
+/// Coefficients that are estimated where nobody said that it is a fisheye: what is held would be taken up by the others, and be wrong by more than their
+/// error bars.
+const NUMBERS: usize = 3;
 /// Radii at which the fisheye that is nearest to a lens is fitted to it.
 const RADII: usize = 40;
 const FEWEST_RADII: usize = 8;
@@ -39,7 +42,7 @@ pub(super) fn with_fisheye(
     let state = &refined.joint.bundle.state;
     let Lens::Radtan(radtan) = state.cameras[0].lens else { return Ok(None) };
     let unknowns = &refined.options.bundle.cameras[0];
-    if !is_of_our_choice(unknowns) {
+    if refined.options.radtan_only || !is_of_our_choice(unknowns) {
         return Ok(None);
     }
     let starts = starts(state, &radtan, unknowns);
@@ -49,7 +52,7 @@ pub(super) fn with_fisheye(
     let mut options = refined.options.clone();
     let unknowns = &mut options.bundle.cameras[0];
     unknowns.hold_lens_from(0);
-    (0..K_SIGMA.len()).for_each(|k| unknowns.free_lens(k, Some((0.0, K_SIGMA[k]))));
+    (0..NUMBERS).for_each(|k| unknowns.free_lens(k, Some((0.0, FISHEYE_SIGMAS[k]))));
     options.bundle = options.bundle.for_trial();
     let tried = matter.tried(refined, refined.solution.clone(), options, starts)?;
     Ok(tried.and_then(|mut with| {

@@ -135,6 +135,8 @@ impl Joint {
         Refinement {
             observations,
             tracks,
+            // From the evidence, where that is put together.
+            reprojection_rms_px: None,
             degrees_of_freedom: b.degrees_of_freedom,
             patches: self.residuals(Kind::Patch),
             points: self.residuals(Kind::Point),

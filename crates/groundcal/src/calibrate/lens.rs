@@ -102,10 +102,13 @@ pub(super) fn lens_placed_by_motions(
     stages: &StageOptions<'_>,
     observer: &dyn Observer,
 ) -> Result<(Vec<PairObservation>, KnownLens), Error> {
-    let intrinsics = stages.options.camera_of_lens(stages.size);
-    let measured = PlacedLens { lens: before.lens.lens, intrinsics };
+    let measured = if before.of_model_alone {
+        before.lens
+    } else {
+        PlacedLens { intrinsics: stages.options.camera_of_lens(stages.size), ..before.lens }
+    };
     let found = placement_of(&pairs, &selection.used(), &before, &measured, &stages.frame, observer)?;
-    let placement = found.unwrap_or(before);
+    let placement = LensPlacement { of_model_alone: before.of_model_alone, ..found.unwrap_or(before) };
     Ok((refit_all(pairs, &placement.lens, &stages.frame, observer)?, KnownLens::Placed(placement)))
 }
 

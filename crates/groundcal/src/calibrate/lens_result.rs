@@ -22,18 +22,22 @@ impl LensResult {
         match (known, joint) {
             (KnownLens::NotModelled, _) => held(LensSource::NotModelled, Lens::None),
             (KnownLens::Given(lens), _) => held(LensSource::Given, lens.lens),
-            (KnownLens::Placed(placement), _) => held(LensSource::Given, placement.lens.lens),
             // It acted about the centre that was assumed, in pixels: the coefficient is that of the focal length found.
             (KnownLens::OfPairs(lens), _) => {
                 let placed = lens.with_focal_length(s.intrinsics.fx);
                 held(LensSource::Estimated, placed.map_or(Lens::None, |placed| placed.lens))
             }
-            (KnownLens::Estimated(_), Some(joint)) => {
+            (KnownLens::Placed(placement), None) if known.is_estimated() => {
+                held(LensSource::Estimated, placement.lens.lens)
+            }
+            (KnownLens::Placed(placement), _) if !known.is_estimated() => held(LensSource::Given, placement.lens.lens),
+            (KnownLens::Estimated(_) | KnownLens::Placed(_), Some(joint)) => {
                 // What is not estimated has no variance.
                 let sigma = |p: Parameter| Some((p, joint.covariance_of(p, p).sqrt())).filter(|(_, s)| *s > 0.0);
                 let of_lens = Parameter::ALL.into_iter().filter(|p| p.is_of_lens());
                 Self { source: LensSource::Estimated, lens: joint.lens, sigmas: of_lens.filter_map(sigma).collect() }
             }
+            (KnownLens::Placed(placement), None) => held(LensSource::Given, placement.lens.lens),
             (KnownLens::Estimated(finding), None) => {
                 let k = &s.intrinsics;
                 let ln_f_sigma = s.covariance_px[(0, 0)].max(0.0).sqrt() / k.fx;

@@ -35,6 +35,8 @@ pub(super) struct RefinementOptions {
     pub(super) frame: Frame,
     /// An estimated lens has no k2.
     pub(super) k2_is_held: bool,
+    /// Somebody said that the lens is no fisheye.
+    pub(super) radtan_only: bool,
     /// What is free, priors, variance components.
     pub(super) bundle: BundleOptions,
     /// The same for the closed form, of which other starts are asked.
@@ -113,8 +115,27 @@ impl<'a> Matter<'a> {
         Some(Self { pairs, motions, observer, lens, frame, k2_is_held, used, views, group_of_view, setup, scene })
     }
 
-    /// The attitude of a solution that each group of views has.
+    /// Views that moved in any way before a plane: each has an attitude of its own.
+    pub(super) fn of_views(
+        pairs: &'a [PairObservation],
+        selection: &Selection,
+        lens: &'a KnownLens,
+        options: &RefinementOptions,
+        observer: &'a dyn Observer,
+    ) -> Option<Self> {
+        let used = selection.used();
+        let views = Views::of_pairs(&used, pairs);
+        let setup = Setup::of_pairs(&used, pairs, &views, lens.lens(), &options.frame)?;
+        let (group_of_view, motions, scene) = ((0..views.len()).collect(), Vec::new(), SceneModel::Floor);
+        let (frame, k2_is_held) = (options.frame, options.k2_is_held);
+        Some(Self { pairs, motions, observer, lens, frame, k2_is_held, used, views, group_of_view, setup, scene })
+    }
+
+    /// The attitude of a solution that each group of views has; none without plane-normal motions, of which solutions are made.
     fn attitudes_of(&self, solution: &CameraSolution) -> Option<Vec<usize>> {
+        if self.motions.is_empty() {
+            return Some(Vec::new());
+        }
         Some(ViewGroups::of_motions(&self.used, self.pairs, &self.views, solution)?.attitudes)
     }
 
@@ -207,7 +228,12 @@ fn attitudes_under(
 const MAX_UNSHOWN: f64 = 0.3;
 
 /// The tracks that the starts show; starts that cannot show most are left out, unless none can.
-fn shown_by_all(scene: SceneModel, tracks: Vec<Track>, starts: &mut Vec<State>, options: &BundleOptions) -> Vec<Track> {
+pub(super) fn shown_by_all(
+    scene: SceneModel,
+    tracks: Vec<Track>,
+    starts: &mut Vec<State>,
+    options: &BundleOptions,
+) -> Vec<Track> {
     let shown: Vec<Vec<bool>> = starts.iter().map(|state| shown_by(state, scene, &tracks, &options.cameras)).collect();
     let usable = |shown: &Vec<bool>| {
         let missing = shown.iter().filter(|s| !**s).count();

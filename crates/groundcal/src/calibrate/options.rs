@@ -32,6 +32,10 @@ pub enum LensModel {
     /// residuals of the joint refinement ask for it.
     #[default]
     K1K2,
+    /// The same, and never a fisheye's: unless this is said, that is tried where the images reach far from the axis.
+    Radtan,
+    /// A fisheye's (equidistant, Kannala and Brandt), of up to 220 degrees across the image's diagonal and more: k1 to k4, each with a prior about zero.
+    Fisheye,
 }
 
 /// How the homographies of [`Method::Kzr`] are fitted to the matches that a robust search finds to be on the plane.
@@ -55,7 +59,7 @@ pub enum MotionModel {
     PlaneNormal,
     /// A camera turning on the spot, about any axes.
     Turning,
-    /// Anything before one plane; refused by [`Options::validate`] until it is estimated.
+    /// Anything before one plane (Triggs 1998): the joint method.
     General,
 }
 
@@ -158,6 +162,10 @@ const GIVEN_ASPECT_SIGMA: f64 = 0.001;
 const PRINCIPAL_POINT_SIGMA: f64 = 0.05;
 const GIVEN_PRINCIPAL_POINT_SIGMA: f64 = 0.01;
 
+/// Priors of a fisheye's k1 to k4. (An equisolid lens has k1 = -0.042, a stereographic one 0.083, an orthographic one -0.167 with k2 = 0.008; those of
+/// `cv2.fisheye` calibrations are some hundredths.)
+pub(super) const FISHEYE_SIGMAS: [f64; 4] = [0.1, 0.05, 0.02, 0.01];
+
 /// Largest coefficient of a known lens.
 const MAX_COEFFICIENT: f64 = 10.0;
 
@@ -168,8 +176,8 @@ impl Options {
     /// [`Error::InvalidOption`] naming the option and its value.
     pub fn validate(&self, size: ImageSize) -> Result<(), Error> {
         let fail = |text: String| Err(Error::InvalidOption(text));
-        if self.motion == MotionModel::General {
-            return fail("general motion before a plane is not estimated yet".into());
+        if self.motion == MotionModel::General && self.method != Method::Joint {
+            return fail("general motion before a plane is for the joint method alone".into());
         }
         if let Some([x, y]) = self.principal_point_px {
             let (w, h) = (size.width as f64, size.height as f64);
@@ -311,8 +319,12 @@ impl Options {
             // `auto` holds the skew at zero unless it is told otherwise.
             PriorParameter::Skew => free[4] || self.constraint == Constraint::Auto,
             PriorParameter::K1 => lens_unknown && self.lens != LensModel::None,
-            PriorParameter::P1 | PriorParameter::P2 => lens_unknown && self.lens != LensModel::None,
-            PriorParameter::K2 | PriorParameter::K3 => lens_unknown && self.lens == LensModel::K1K2,
+            PriorParameter::P1 | PriorParameter::P2 => {
+                lens_unknown && !matches!(self.lens, LensModel::None | LensModel::Fisheye)
+            }
+            PriorParameter::K2 | PriorParameter::K3 => {
+                lens_unknown && !matches!(self.lens, LensModel::None | LensModel::K1)
+            }
         }
     }
 
@@ -343,7 +355,8 @@ impl Options {
 
     /// Whether the distortion is to be found.
     pub(super) fn lens_is_unknown(&self) -> bool {
-        self.distortion.is_none() && self.lens != LensModel::None && self.method != Method::Kzr
+        let of_planes = !matches!(self.lens, LensModel::None | LensModel::Fisheye);
+        self.distortion.is_none() && of_planes && self.method != Method::Kzr
     }
 
     /// What the closed-form camera is told.
@@ -367,9 +380,16 @@ impl Options {
         self.refinement(size, &self.camera(size), self.lens_is_unknown())
     }
 
-    /// What is estimated of a lens of Brown-Conrady. Its decentring always is: else it is taken for the principal point.
+    /// What is estimated of a lens. The decentring of Brown-Conrady always is: else it is taken for the principal point.
     fn free_lens(&self, unknowns: &mut CameraUnknowns) {
         use PriorParameter::{K1, K2, K3, P1, P2};
+        if self.lens == LensModel::Fisheye {
+            let given = [Some(K1), Some(K2), Some(K3), None].map(|p| p.and_then(|p| self.given_prior(p)));
+            for (k, (given, sigma)) in given.into_iter().zip(FISHEYE_SIGMAS).enumerate() {
+                unknowns.free_lens(k, Some(given.unwrap_or((0.0, sigma))));
+            }
+            return;
+        }
         for (of_lens, (parameter, sigma)) in
             [(K1, K1_SIGMA), (K2, K2_SIGMA), (P1, P_SIGMA), (P2, P_SIGMA), (K3, K3_SIGMA)].into_iter().enumerate()
         {
@@ -425,12 +445,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_estimated_is_refused_before_any_work() {
-        let size = ImageSize::new(640, 480);
-        let validated = |motion| Options { motion, ..Options::default() }.validate(size);
-        assert!(matches!(validated(MotionModel::General), Err(Error::InvalidOption(_))));
-        for motion in [MotionModel::Auto, MotionModel::PlaneNormal, MotionModel::Turning] {
-            assert_eq!(validated(motion), Ok(()));
+    fn general_motion_has_no_closed_form() {
+        let validated = |method| {
+            Options { motion: MotionModel::General, method, ..Options::default() }.validate(ImageSize::new(640, 480))
+        };
+        assert_eq!(validated(Method::Joint), Ok(()));
+        for method in [Method::Linear, Method::Kzr, Method::Rotating] {
+            assert!(matches!(validated(method), Err(Error::InvalidOption(_))), "{method:?}");
         }
     }
 }

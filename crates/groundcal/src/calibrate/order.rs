@@ -65,8 +65,8 @@ pub(super) fn in_order_of_images(calibration: Calibration, pairs: &[PairObservat
 
 fn reversed_motion(m: MotionReport) -> MotionReport {
     MotionReport {
-        // Turns of pairs not used have no sign.
-        rotation_deg: m.rotation_deg.map(|deg| if m.used { -deg } else { deg }),
+        // Turns about no floor's normal have no sign.
+        rotation_deg: m.rotation_deg.map(|deg| if m.attitude.is_some() { -deg } else { deg }),
         rho_sigma: m.rho_sigma.zip(m.rho).map(|(sigma, rho)| sigma / (rho * rho)),
         rho: m.rho.map(|rho| 1.0 / rho),
         from: m.to,

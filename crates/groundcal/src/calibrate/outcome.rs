@@ -12,21 +12,25 @@ use crate::{
         solved::Solved,
         stage_options::StageOptions,
     },
-    floor::view::FloorView,
+    floor::{
+        projection::{CELLS, projection_uncertainty},
+        view::FloorView,
+    },
     geometry::plane_view::View,
     ids::{GroupId, ViewId},
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{SceneModel, ViewEstimate},
     result::{
-        AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Prior, Scene,
+        self, AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Prior, Scene,
         StandardDeviation, ViewParameter, ViewReport, Warning,
         calibration::{FORMAT_VERSION, SCHEMA_VERSION},
         diagnosis,
+        evidence::ObservationEvidence,
         judge::verdict_on,
     },
     select::{
         attitude_groups::AttitudeGroup,
-        selection::{PairVerdict, Rejection, Selection},
+        selection::{MotionKind, PairVerdict, Rejection, Selection},
     },
 };
 
@@ -53,12 +57,16 @@ pub(super) fn assemble(
         motions: motion_reports(solved, selection, pairs, &attitudes, names, stages),
         warnings,
         evidence: evidence_of(pairs, joint, known, names, &stages.frame),
-        ..camera_report(solved, &lens, stages)
+        ..camera_report(solved, &lens, reported(selection.kind), stages)
     };
     let mut calibration = match solved.amplification {
         Some(factor) => amplified(calibration, factor),
         None => calibration,
     };
+    if let Some(refinement) = &mut calibration.fit.refinement {
+        refinement.reprojection_rms_px = reprojection_rms_px(&calibration.evidence.observations);
+    }
+    calibration.projection_uncertainty = projection_uncertainty(&calibration, CELLS);
     let diagnoses = diagnosis::motions(&calibration);
     for (motion, diagnosis) in calibration.motions.iter_mut().zip(diagnoses) {
         motion.diagnosis = diagnosis;
@@ -67,8 +75,28 @@ pub(super) fn assemble(
     calibration
 }
 
+/// The kind of motion as it is reported.
+fn reported(kind: MotionKind) -> result::MotionKind {
+    match kind {
+        MotionKind::PlaneNormal => result::MotionKind::PlaneNormal,
+        MotionKind::Turning { .. } => result::MotionKind::Turning,
+        MotionKind::General => result::MotionKind::General,
+    }
+}
+
+/// Over the observations in all images; `None` without any.
+fn reprojection_rms_px(observations: &[ObservationEvidence]) -> Option<f64> {
+    let squares: f64 = observations.iter().map(|o| o.residual_px[0].powi(2) + o.residual_px[1].powi(2)).sum();
+    (!observations.is_empty()).then(|| (squares / observations.len() as f64).sqrt())
+}
+
 /// The camera alone.
-fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) -> Calibration {
+fn camera_report(
+    solved: &Solved,
+    lens: &LensResult,
+    motion: result::MotionKind,
+    stages: &StageOptions<'_>,
+) -> Calibration {
     let (s, joint) = (&solved.solution, solved.joint.as_ref());
     let sd = |i: usize| s.estimated[i].then(|| s.covariance_px[(i, i)].max(0.0).sqrt());
     let covariance = |r: usize, c: usize| match (joint, Parameter::ALL[r], Parameter::ALL[c]) {
@@ -99,7 +127,9 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
         covariance: Covariance::from_fn(&Parameter::ALL, covariance),
         constraint: solved.constraint,
         method: solved.method,
+        motion: Some(motion),
         camera_height_m: None,
+        camera_height_sigma_m: None,
         scene: match (solved.method, over_floor) {
             (Method::Linear | Method::Kzr, _) => None,
             (Method::Joint, Some(_)) => Some(Scene::Floor),
@@ -126,10 +156,14 @@ fn camera_report(solved: &Solved, lens: &LensResult, stages: &StageOptions<'_>) 
             distortion_amplification: 1.0,
             refinement: joint.map(Joint::report),
         },
-        height_sigma: over_floor.map(|joint| joint.bundle.height_sigma.sigma),
+        height_sigma: over_floor
+            .filter(|_| motion != result::MotionKind::General)
+            .map(|joint| joint.bundle.height_sigma.sigma),
         attitudes: Vec::new(),
         views: Vec::new(),
         motions: Vec::new(),
+        on_base: Vec::new(),
+        projection_uncertainty: None,
         warnings: Vec::new(),
         evidence: Default::default(),
     }
@@ -227,9 +261,11 @@ fn motion_reports(
         let member = solved.used.iter().position(|id| *id == pair.id);
         let attitude = member.and_then(|m| s.groups.iter().position(|g| g.members.contains(&m)));
         let geometry = pair.geometry();
+        // Of a general motion a homography's eigenvectors are of no turn about the plane's normal.
+        let of_turn = geometry.filter(|_| selection.kind != MotionKind::General);
         let rotation_rad = match (&solved.rotations_rad, member, geometry) {
             (Some(angles), Some(m), _) => angles.get(m).copied(),
-            (_, _, Some(g)) => {
+            (_, _, Some(g)) if of_turn.is_some() => {
                 let sign = attitude.map(|a| attitudes[a].turn_sign(&g.circular_point, &s.intrinsics, &stages.frame));
                 Some(g.rotation_rad * sign.unwrap_or(1.0))
             }
@@ -243,9 +279,9 @@ fn motion_reports(
             used: member.is_some(),
             tie: cross_links.contains(&pair.id),
             rotation_deg: rotation_rad.map(f64::to_degrees).or(refused_deg),
-            rotation_sigma_deg: geometry.map(|g| g.rotation_sigma_rad.to_degrees()),
-            rho: geometry.map(|g| g.rho),
-            rho_sigma: geometry.map(|g| g.rho_sigma),
+            rotation_sigma_deg: of_turn.map(|g| g.rotation_sigma_rad.to_degrees()),
+            rho: of_turn.map(|g| g.rho),
+            rho_sigma: of_turn.map(|g| g.rho_sigma),
             matches: plane.map_or(0, |plane| plane.estimate.matches),
             candidate_matches: pair.candidates,
             rms_px: plane.map(|plane| plane.estimate.rms_px),
@@ -292,6 +328,9 @@ fn why_not_used(
                 .to_string()
         }
         Rejection::NoRotation => "not explained by a camera that turns on the spot, as the others are".to_string(),
+        Rejection::Redundant => "not needed: pairs of more matches join its images".to_string(),
+        Rejection::OtherPlane => "its points are not of the plane that the other pairs show".to_string(),
+        Rejection::Unconnected => "no common plane joins its images with the others".to_string(),
     })
 }
 

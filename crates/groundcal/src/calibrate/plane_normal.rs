@@ -43,6 +43,7 @@ pub(super) fn solve_plane_normal(
     let mut refinement = RefinementOptions {
         frame: *frame,
         k2_is_held: options.lens == LensModel::K1,
+        radtan_only: options.lens == LensModel::Radtan,
         bundle: options.refinement(stages.size, &camera, lens.is_estimated()),
         camera: camera.clone(),
     };

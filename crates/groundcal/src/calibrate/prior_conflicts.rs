@@ -111,7 +111,9 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
     let closed_form = solve_camera_until(&matter.motions, &options.frame, &options.camera, matter.observer).ok();
     matter.observer.go_on()?;
     // The closed form knows the lens of Brown and Conrady alone.
-    let usual_lens = closed_form.as_ref().filter(|_| refined.fisheye.is_none());
+    // And it knows the views of motions alone.
+    let same_views = refined.joint.views.len() == matter.views.len();
+    let usual_lens = closed_form.as_ref().filter(|_| refined.fisheye.is_none() && same_views);
     starts.extend(usual_lens.and_then(|solution| matter.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());
     let Some(mut without) = matter.tried(refined, solution, options, starts)? else { return Ok(None) };

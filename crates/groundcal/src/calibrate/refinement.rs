@@ -14,12 +14,12 @@ use crate::{
     },
     error::Error,
     geometry::{attitude::attitude_rotation, constraint::Constraint, intrinsics::Intrinsics},
-    ids::PairId,
+    ids::{ImageId, PairId, ViewId},
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{
         Kind, SceneModel, State,
-        start::{floor_deviation, rotations_from_links, state_from_links},
+        start::{floor_deviation, floor_seen, rotations_from_links, state_from_links},
     },
     select::selection::Selection,
     start::linear_camera::{CameraOptions, CameraSolution, solve_camera_until},
@@ -81,7 +81,7 @@ pub(super) fn refine_motions(
     let joint = adjusted(matter.scene, matter.setup.clone(), matter.views.clone(), states, options, observer)?;
     let refined = matter.refined(joint, solution.clone(), options.clone());
     let refined = release_contradicted_priors(&matter, refined)?;
-    if matter.scene == SceneModel::Directions || refined.solution.groups.len() < 2 {
+    if matter.scene == SceneModel::Directions {
         return Ok(Some(refined));
     }
     let linked = with_cross_links(&matter, refined)?;
@@ -98,47 +98,102 @@ fn under_other_constraints(matter: &Matter<'_>, options: &RefinementOptions) -> 
     [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal].into_iter().filter_map(under).collect()
 }
 
-/// Refined again with the ordinary matches of views of different attitudes that see the same floor; as it was where there are
-/// none, or where they contradict the motions.
+/// Refined again with the ordinary matches of views of different attitudes that see the same floor, and with images outside of any motion
+/// that see it; as it was where there are none, or where they contradict the motions.
 fn with_cross_links(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined, Error> {
-    let (pairs, used) = (matter.pairs, &matter.used);
-    let (cross_links, floors) = cross_attitude_links(&refined.joint, pairs, used);
+    let (cross_links, floors) = cross_attitude_links(&refined.joint, matter.pairs, &matter.used);
     refined.joint.floors = floors;
-    if cross_links.is_empty() {
-        return Ok(refined);
+    let free = free_views(&refined.joint, matter.pairs);
+    let mut links: Vec<PairId> = cross_links.iter().copied().chain(free.iter().flat_map(|f| f.links.clone())).collect();
+    links.sort_unstable();
+    links.dedup();
+    if let Some(mut joint) = linked(matter, &refined, &links, &free)? {
+        joint.floors = floors;
+        refined.joint = joint;
     }
+    Ok(refined)
+}
+
+/// Refined with more links between views, and with free views. `None` where there are none or they contradict the motions.
+fn linked(matter: &Matter<'_>, refined: &Refined, links: &[PairId], free: &[FreeView]) -> Result<Option<Joint>, Error> {
     let (joint, options) = (&refined.joint, &refined.options);
-    let all: Vec<PairId> = used.iter().chain(&cross_links).copied().collect();
-    let Some(setup) = Setup::of_pairs(&all, pairs, &joint.views, matter.lens.lens(), &options.frame) else {
-        return Ok(refined);
+    if links.is_empty() {
+        return Ok(None);
+    }
+    let all: Vec<PairId> = matter.used.iter().chain(links).copied().collect();
+    let views = joint.views.and(free.iter().map(|f| f.image));
+    let Some(setup) = Setup::of_pairs(&all, matter.pairs, &views, matter.lens.lens(), &options.frame) else {
+        return Ok(None);
     };
     let state = &joint.bundle.state;
-    let attitudes: Vec<Matrix3<f64>> = state.groups.iter().map(|g| g.attitude).collect();
-    let start = state_from_links(
-        joint.bundle.scene,
-        state.cameras[0],
-        &joint.intrinsics,
-        &attitudes,
-        &matter.group_of_view,
-        &setup.links,
-    );
-    let starts = start.into_iter().collect();
-    let linked = adjusted(joint.bundle.scene, setup, joint.views.clone(), starts, options, matter.observer);
-    let mut linked = match linked {
+    let mut attitudes: Vec<Matrix3<f64>> = state.groups.iter().map(|g| g.attitude).collect();
+    let first_free = attitudes.len();
+    attitudes.extend(free.iter().map(|f| f.attitude));
+    let group_of = |view: usize| {
+        let image = views.image(ViewId::new(view));
+        let known = joint.views.of(image).map(|view| state.frames[view.index()].group);
+        known.or_else(|| Some(first_free + free.iter().position(|f| f.image == image)?))
+    };
+    let Some(groups) = (0..views.len()).map(group_of).collect::<Option<Vec<usize>>>() else { return Ok(None) };
+    let (scene, camera) = (joint.bundle.scene, state.cameras[0]);
+    let start = state_from_links(scene, camera, &joint.intrinsics, &attitudes, &groups, &setup.links);
+    let mut linked = match adjusted(scene, setup, views, start.into_iter().collect(), options, matter.observer) {
         Ok(linked) => linked,
         Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(_) => return Ok(refined),
+        Err(_) => return Ok(None),
     };
     let raised = |kind: Kind| {
         let [before, after] = [joint, &linked].map(|j| j.bundle.variance_factors[kind as usize]);
         after / before
     };
     if raised(Kind::Patch) > MAX_LINK_VARIANCE || raised(Kind::Point) > MAX_LINK_POINT_VARIANCE {
-        return Ok(refined);
+        return Ok(None);
     }
-    (linked.cross_links, linked.floors) = (cross_links, floors);
+    linked.cross_links = links.to_vec();
     linked.attitudes.clone_from(&joint.attitudes);
-    Ok(Refined { joint: linked, ..refined })
+    Ok(Some(linked))
+}
+
+/// An image outside of any motion that sees the floor of the motions.
+struct FreeView {
+    image: ImageId,
+    /// Its attitude, as the homography from a view of the motions has it.
+    attitude: Matrix3<f64>,
+    /// Pairs that link it, those of most matches first.
+    links: Vec<PairId>,
+}
+
+/// Images outside of any motion whose homographies from views of the motions are of their floor: under the camera they stretch it in no direction.
+fn free_views(joint: &Joint, pairs: &[PairObservation]) -> Vec<FreeView> {
+    let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
+    let state = &joint.bundle.state;
+    let tolerance = MAX_LINK_DEVIATION + 2.0 * joint.camera_covariance()[(0, 0)].max(0.0).sqrt();
+    let mut found: Vec<FreeView> = Vec::new();
+    let matches = |id: PairId| pairs[id].plane().map_or(0, |plane| plane.inliers.len());
+    let mut sorted: Vec<&PairObservation> = pairs.iter().collect();
+    sorted.sort_by_key(|pair| (Reverse(matches(pair.id)), pair.id));
+    for pair in sorted {
+        let [from, to] = [pair.from, pair.to].map(|image| joint.views.of(image));
+        let (view, image, away) = match (from, to) {
+            (Some(view), None) => (view, pair.to, true),
+            (None, Some(view)) => (view, pair.from, false),
+            _ => continue,
+        };
+        let Some(plane) = pair.moving_plane().filter(|plane| plane.inliers.len() >= MIN_LINK_MATCHES) else { continue };
+        let h = plane.estimate.h_b_from_a;
+        let h = if away { h } else { h.inverse() };
+        let m = k_inverse * h.matrix() * k;
+        let known = &state.groups[state.frames[view.index()].group].attitude;
+        let Some((_, attitude)) = floor_seen(&m, known).filter(|(stretch, _)| *stretch < tolerance) else {
+            continue;
+        };
+        match found.iter_mut().find(|f| f.image == image) {
+            Some(known) if known.links.len() < LINKS_PER_VIEW => known.links.push(pair.id),
+            Some(_) => {}
+            None => found.push(FreeView { image, attitude, links: vec![pair.id] }),
+        }
+    }
+    found
 }
 
 /// Pairs of views of different attitudes whose homographies are of the floor that both look at.

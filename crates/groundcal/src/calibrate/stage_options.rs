@@ -3,8 +3,12 @@
 use crate::{
     calibrate::options::{LensModel, Method, MotionModel, Options},
     geometry::{frame::Frame, size::ImageSize},
-    pairs::{known_lens::LensOptions, observe::ObserveOptions, patch::PatchStageOptions},
-    select::{plane_normal::PlaneNormalOptions, rotations::RotationOptions},
+    pairs::{
+        known_lens::LensOptions,
+        observe::{COARSEST_PX, ObserveOptions},
+        patch::PatchStageOptions,
+    },
+    select::{general::GeneralOptions, plane_normal::PlaneNormalOptions, rotations::RotationOptions},
     start::{
         absolute_conic::Constraint,
         linear_camera::CameraOptions,
@@ -30,6 +34,8 @@ pub(super) struct StageOptions<'a> {
     pub(super) plane_normal: PlaneNormalOptions,
     /// Which pairs are rotations on the spot.
     pub(super) rotations: RotationOptions,
+    /// Which pairs are views of one plane.
+    pub(super) general: GeneralOptions,
     /// Matching the floor of the motions again; `None`: as it is.
     pub(super) patches: Option<PatchStageOptions>,
     /// The closed-form camera of plane-normal motions.
@@ -98,6 +104,10 @@ impl<'a> StageOptions<'a> {
                 aspect,
                 trusted: named,
                 min_matches,
+            },
+            general: GeneralOptions {
+                min_matches,
+                max_sigma_px: if source.has_images { options.robust.max_sigma_px } else { COARSEST_PX },
             },
             patches: (source.has_images && options.match_patches && options.method != Method::Kzr)
                 .then_some(PatchStageOptions { patches: options.patches, observe }),

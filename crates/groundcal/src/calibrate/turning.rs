@@ -101,6 +101,7 @@ fn refinement_options(lens: &KnownLens, stages: &StageOptions<'_>) -> Refinement
     RefinementOptions {
         frame: stages.frame,
         k2_is_held: options.lens == LensModel::K1,
+        radtan_only: options.lens == LensModel::Radtan,
         bundle: options.refinement(stages.size, &stages.camera, lens.is_estimated()),
         camera: stages.camera.clone(),
     }

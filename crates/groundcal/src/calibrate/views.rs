@@ -18,6 +18,14 @@ impl Views {
         Self { images: images_of(some, pairs).into_iter().collect() }
     }
 
+    /// The same with more images.
+    pub(super) fn and(&self, more: impl Iterator<Item = ImageId>) -> Self {
+        let mut images: Vec<ImageId> = self.images.iter().copied().chain(more).collect();
+        images.sort_unstable();
+        images.dedup();
+        Self { images }
+    }
+
     /// The view of an image; `None` for one that takes no part.
     pub(super) fn of(&self, image: ImageId) -> Option<ViewId> {
         self.images.binary_search(&image).ok().map(ViewId::new)

@@ -157,6 +157,16 @@ impl FloorView {
         self.pixel_from_ray(&(self.rotation * (Vector3::new(point.x, point.y, 0.0) - self.centre)))
     }
 
+    /// The pixel at which a point far away in a direction (world coordinates) is seen; `None` as above.
+    pub fn pixel_from_direction(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>> {
+        self.pixel_from_ray(&(self.rotation * direction))
+    }
+
+    /// The direction (world coordinates, unit length) of what is seen at a pixel; `None` where the lens model gives no ray.
+    pub fn direction(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
+        self.ray(pixel).map(|ray| self.rotation.transpose() * ray)
+    }
+
     fn pixel_from_ray(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.lens.project(ray).map(|d| self.intrinsics.pixel_from_normalised(&d))
     }

@@ -5,7 +5,12 @@ use nalgebra::Vector2;
 
 use crate::{
     error::Error,
-    geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
+    geometry::{
+        frame::Frame,
+        intrinsics::Intrinsics,
+        lens::{Fisheye, Lens},
+        size::ImageSize,
+    },
     ids::PairId,
     observer::Observer,
     pairs::{
@@ -78,7 +83,11 @@ impl KnownLens {
 
     /// Whether it is among what is estimated.
     pub(crate) fn is_estimated(&self) -> bool {
-        matches!(self, KnownLens::Estimated(_))
+        match self {
+            KnownLens::Estimated(_) => true,
+            KnownLens::Placed(placement) => placement.of_model_alone,
+            KnownLens::NotModelled | KnownLens::Given(_) | KnownLens::OfPairs(_) => false,
+        }
     }
 }
 
@@ -181,7 +190,7 @@ pub(crate) fn find_placement(
     observer: &dyn Observer,
 ) -> Result<(Vec<PairObservation>, LensPlacement), Error> {
     let mut pairs = observe(pairs, Some(&measured), observe_options, observer)?;
-    let mut placement = LensPlacement { lens: measured, covariance: None };
+    let mut placement = LensPlacement { lens: measured, covariance: None, of_model_alone: false };
     for _ in 0..ROUNDS {
         let best = best_supported(&pairs);
         let Some(next) = placement_of(&pairs, &best, &placement, &measured, &observe_options.frame, observer)? else {
@@ -191,6 +200,47 @@ pub(crate) fn find_placement(
         placement = next;
     }
     Ok((pairs, placement))
+}
+
+/// Angles from the axis to the image's corner, degrees, at which a fisheye is looked for.
+const CORNER_ANGLES_DEG: [f64; 6] = [45.0, 60.0, 75.0, 90.0, 105.0, 125.0];
+/// Pairs that are asked which of them it is, those of most matches.
+const PAIRS_ASKED: usize = 8;
+
+/// What every pair shows through an equidistant lens (r = f θ) of a focal length that the planes tell: that through which most matches are
+/// on planes. Its coefficients are left to the refinement.
+///
+/// # Errors
+/// [`Error::Stopped`] and no other.
+pub(crate) fn find_fisheye(
+    pairs: Vec<ImagePair>,
+    size: ImageSize,
+    centre_px: [f64; 2],
+    observe_options: &ObserveOptions,
+    observer: &dyn Observer,
+) -> Result<(Vec<PairObservation>, LensPlacement), Error> {
+    let half_diagonal = 0.5 * (size.width as f64).hypot(size.height as f64);
+    let mut order: Vec<usize> = (0..pairs.len()).collect();
+    order.sort_by_key(|&i| (std::cmp::Reverse(pairs[i].matches.len()), i));
+    let asked: Vec<ImagePair> = order.iter().take(PAIRS_ASKED).map(|&i| pairs[i].clone()).collect();
+    let mut best: Option<(usize, PlacedLens)> = None;
+    for angle in CORNER_ANGLES_DEG {
+        let [cx, cy] = centre_px;
+        let f = half_diagonal / angle.to_radians();
+        let start =
+            PlacedLens { lens: Lens::Fisheye(Fisheye::new([0.0; 4])), intrinsics: Intrinsics::square(f, cx, cy) };
+        let (seen, placement) = find_placement(asked.clone(), start, observe_options, observer)?;
+        let on_planes: usize = seen.iter().filter_map(PairObservation::moving_plane).map(|p| p.inliers.len()).sum();
+        if best.as_ref().is_none_or(|(most, _)| on_planes > *most) {
+            best = Some((on_planes, placement.lens));
+        }
+    }
+    let start = best.map_or_else(
+        || PlacedLens { lens: Lens::Fisheye(Fisheye::new([0.0; 4])), intrinsics: observe_options.middling_camera },
+        |(_, lens)| lens,
+    );
+    let (pairs, placement) = find_placement(pairs, start, observe_options, observer)?;
+    Ok((pairs, LensPlacement { of_model_alone: true, ..placement }))
 }
 
 /// The camera matrix of a known lens from the pairs `used`, if they tell it.

@@ -43,6 +43,8 @@ pub(crate) struct LensPlacement {
     pub(crate) lens: PlacedLens,
     /// Covariance of (ln f, x0, y0), the centre in focal lengths; `None`: no plane was asked.
     pub(crate) covariance: Option<Matrix3<f64>>,
+    /// Its model alone is known: the coefficients are to be estimated.
+    pub(crate) of_model_alone: bool,
 }
 
 /// The lens with (ln f, x0, y0) changed.
@@ -75,7 +77,7 @@ pub(crate) fn place_lens(
         return None;
     }
     let information = out.linearised.information.fixed_view::<3, 3>(0, 0).into_owned();
-    Some(LensPlacement { lens: out.state, covariance: Some(information.try_inverse()?) })
+    Some(LensPlacement { lens: out.state, covariance: Some(information.try_inverse()?), of_model_alone: false })
 }
 
 /// The estimating equations: the noise of each plane, and with it their weights, is that of its residuals at the lens.

@@ -43,7 +43,7 @@ pub(crate) struct ObserveOptions {
 const MAX_PATCH_NOISE: f64 = 6.0;
 /// Fraction of the largest noise thought possible from which on more is allowed for given matches, and where that ends.
 const NEAR_LIMIT: f64 = 0.6;
-const COARSEST_PX: f64 = 16.0;
+pub(crate) const COARSEST_PX: f64 = 16.0;
 /// Where no model takes any point to.
 pub(crate) const OUT_OF_REACH_PX: f64 = 1e7;
 /// Width over length below which points count as lying on a line.

@@ -11,7 +11,11 @@ use crate::refine::{
     tracks::{Observation, Track},
 };
 use crate::{
-    geometry::{homography::Homography, intrinsics::Intrinsics},
+    geometry::{
+        attitude::{angles_from_rotation, attitude_from_up, attitude_rotation, yaw_rotation},
+        homography::Homography,
+        intrinsics::Intrinsics,
+    },
     numerics::graph::{Reached, spanning_forest},
 };
 
@@ -96,6 +100,37 @@ pub fn state_from_links(
     Some(State::of_one_camera(camera, groups, frames))
 }
 
+/// A state of views that moved in any way over a floor, each with an attitude of its own: `up` is the floor's normal in the camera coordinates
+/// of a reference view, `from_reference` K⁻¹ H K of the homography from there to each view. `None` when one fits no camera.
+pub(crate) fn state_of_views(camera: CameraState, up: &Vector3<f64>, from_reference: &[Matrix3<f64>]) -> Option<State> {
+    let (pitch, roll) = attitude_from_up(up);
+    let reference = attitude_rotation(pitch, roll);
+    let [x, y] = [0, 1].map(|i| reference.column(i).into_owned());
+    let floor = Matrix3::from_columns(&[x, y, -(reference * Vector3::z())]);
+    let poses: Vec<(Matrix3<f64>, Vector3<f64>)> =
+        from_reference.iter().map(|m| pose_from_floor(&(m * floor))).collect::<Option<_>>()?;
+    // The world is that of the first view: there it is level, and its height is the unit.
+    let (first, origin) = poses.first()?;
+    let (_, _, heading) = angles_from_rotation(first);
+    let turn = yaw_rotation(heading);
+    let view = |(group, (rotation, centre)): (usize, &(Matrix3<f64>, Vector3<f64>))| {
+        let (pitch, roll, yaw) = angles_from_rotation(rotation);
+        let from_origin = turn * Vector3::new(centre.x - origin.x, centre.y - origin.y, 0.0) / origin.z;
+        let state = GroupState { attitude: attitude_rotation(pitch, roll), ln_height: (centre.z / origin.z).ln() };
+        let frame = FrameState {
+            group,
+            delta_rad: [0.0; 2],
+            yaw_rad: yaw - heading,
+            position: Vector2::new(from_origin.x, from_origin.y),
+            ln_height_ratio: 0.0,
+            departure: Departure::default(),
+        };
+        (state, frame)
+    };
+    let (groups, frames) = poses.iter().enumerate().map(view).unzip();
+    Some(State::of_one_camera(camera, groups, frames))
+}
+
 /// Which tracks a state can show at all: their points, as the first image of each has them, are in front of all their images and
 /// within the lens's reach. A wrong match may lie behind a camera that turned, where the model has no residual.
 pub(crate) fn shown_by(state: &State, scene: SceneModel, tracks: &[Track], cameras: &[CameraUnknowns]) -> Vec<bool> {
@@ -115,16 +150,33 @@ pub(crate) fn shown_by(state: &State, scene: SceneModel, tracks: &[Track], camer
     tracks.iter().map(|track| shown(track).is_some()).collect()
 }
 
+/// How a homography from a view of known attitude (level to camera rotation) has a second view see the floor: by how much it stretches it, which
+/// a homography of the floor does not, and the attitude. `None` when it fits no camera.
+pub(crate) fn floor_seen(m: &Matrix3<f64>, attitude: &Matrix3<f64>) -> Option<(f64, Matrix3<f64>)> {
+    let floor = m * floor_of(attitude);
+    let (pitch, roll) = attitude_from_up(&pose_from_floor(&floor)?.0.column(2).into_owned());
+    Some((stretch(&floor), attitude_rotation(pitch, roll)))
+}
+
+/// The floor's axes and the point below the optical centre as a view of this attitude and of height 1 sees them.
+fn floor_of(attitude: &Matrix3<f64>) -> Matrix3<f64> {
+    Matrix3::from_columns(&[attitude.column(0).into_owned(), attitude.column(1).into_owned(), -attitude.column(2)])
+}
+
+/// Logarithm of the ratio of the axes' lengths, and the cosine between them.
+fn stretch(floor: &Matrix3<f64>) -> f64 {
+    let (x, y) = (floor.column(0), floor.column(1));
+    (x.norm() / y.norm()).ln().abs() + (x.dot(&y) / (x.norm() * y.norm())).abs()
+}
+
 /// How far a homography between two views is from one of the floor that both have a known attitude to: the sine of the angle
 /// between the normal it gives the second view and the known one, and by how much it stretches the floor. `None` when it fits no
 /// camera. `m` is K⁻¹ H K, `attitudes` level to camera rotations.
 pub fn floor_deviation(m: &Matrix3<f64>, attitudes: [&Matrix3<f64>; 2]) -> Option<f64> {
     let [a, b] = attitudes;
-    let floor = m * Matrix3::from_columns(&[a.column(0).into_owned(), a.column(1).into_owned(), -a.column(2)]);
-    let (x, y) = (floor.column(0), floor.column(1));
-    let stretch = (x.norm() / y.norm()).ln().abs() + (x.dot(&y) / (x.norm() * y.norm())).abs();
+    let floor = m * floor_of(a);
     let (rotation, _) = pose_from_floor(&floor)?;
-    Some(rotation.column(2).cross(&b.column(2)).norm() + stretch)
+    Some(rotation.column(2).cross(&b.column(2)).norm() + stretch(&floor))
 }
 
 /// Rotation and optical centre from K⁻¹ F.

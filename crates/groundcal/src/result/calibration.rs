@@ -9,11 +9,13 @@ use crate::{
         parameters::{Parameter, PriorParameter},
     },
     result::{
-        camera::{Camera, Method, Prior, Scene},
+        camera::{Camera, Method, MotionKind, Prior, Scene},
         covariance::{Covariance, StandardDeviation},
         evidence::Evidence,
         fit::Fit,
         motions::MotionReport,
+        on_base::CameraOnBase,
+        projection::ProjectionUncertainty,
         verdict::Verdict,
         views::{AttitudeReport, ViewReport},
         warning::{self, Warning},
@@ -21,7 +23,7 @@ use crate::{
 };
 
 /// The version of [`Calibration::schema_version`] that is written; older ones are read.
-pub const SCHEMA_VERSION: u32 = 4;
+pub const SCHEMA_VERSION: u32 = 5;
 /// The version of [`Calibration::format_version`] that is written and read.
 pub const FORMAT_VERSION: u32 = 1;
 /// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it.
@@ -87,9 +89,15 @@ pub struct Calibration {
     pub method: Method,
     /// What the points were taken for; `None` for the linear method.
     pub scene: Option<Scene>,
+    /// What the camera was taken to do between the pictures used; `None`: a file of an earlier version.
+    #[serde(default)]
+    pub motion: Option<MotionKind>,
     /// Height of the origins' optical centres in metres where positions are in metres ([`Calibration::with_camera_height`]); `None`:
     /// that height is the unit of length.
     pub camera_height_m: Option<f64>,
+    /// Its standard deviation; `None`: it is taken as exact, or the unit.
+    #[serde(default)]
+    pub camera_height_sigma_m: Option<f64>,
     /// What was assumed beforehand and how much it counted.
     #[serde(default)]
     pub priors: Vec<Prior>,
@@ -114,6 +122,12 @@ pub struct Calibration {
     /// Every pair looked at.
     #[serde(default)]
     pub motions: Vec<MotionReport>,
+    /// Where the camera sits on a robot, where odometry told; of each attitude.
+    #[serde(default)]
+    pub on_base: Vec<CameraOnBase>,
+    /// How sure the camera is of where things appear, over the image; `None`: no error bars, or a file of an earlier version.
+    #[serde(default)]
+    pub projection_uncertainty: Option<ProjectionUncertainty>,
     /// What to beware of.
     #[serde(default, with = "warning::list")]
     pub warnings: Vec<Warning>,
@@ -170,6 +184,7 @@ impl Calibration {
             }
         }
         self.camera_height_m = Some(height_m);
+        self.camera_height_sigma_m = None;
         Ok(self)
     }
 }

@@ -50,6 +50,18 @@ pub enum Scene {
     Directions,
 }
 
+/// What the camera did between the pictures used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MotionKind {
+    /// It turned about the normal of a plane, and may have moved.
+    PlaneNormal,
+    /// It turned on the spot, about any axes.
+    Turning,
+    /// It moved in any way before one plane: every view has an attitude and a height of its own.
+    General,
+}
+
 /// Where the lens's coefficients come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum LensSource {

@@ -50,6 +50,11 @@ pub struct Refinement {
     pub observations: usize,
     /// Points.
     pub tracks: usize,
+    /// Root mean square distance, in pixels, of the points as measured from where the camera shows them, over all observations, those that
+    /// count less among them; the places of the points are estimated too. What other programs call the reprojection error. `None`: a file of
+    /// an earlier version.
+    #[serde(default)]
+    pub reprojection_rms_px: Option<f64>,
     /// Degrees of freedom of the residuals.
     pub degrees_of_freedom: f64,
     /// Patches matched by least squares, where there are any.

@@ -2,6 +2,7 @@
 
 pub mod attitude_groups;
 pub(crate) mod consistent_set;
+pub(crate) mod general;
 pub(crate) mod plane_normal;
 pub(crate) mod rotations;
 pub(crate) mod selection;

@@ -17,6 +17,8 @@ pub(crate) enum MotionKind {
         /// The focal length that makes rotations of the pairs, roughly.
         focal_px: f64,
     },
+    /// It moved in any way before one plane.
+    General,
 }
 
 /// What became of a pair.
@@ -56,6 +58,12 @@ pub(crate) enum Rejection {
     LeftOut,
     /// No rotation under the camera that makes rotations of the others.
     NoRotation,
+    /// Its images are joined by pairs of more matches.
+    Redundant,
+    /// No plane joins its images with the others.
+    Unconnected,
+    /// Its points are not of the plane that the others show.
+    OtherPlane,
 }
 
 /// The motions among a list of pairs.

@@ -2,6 +2,7 @@
 
 pub mod absolute_conic;
 pub(crate) mod from_pairs;
+pub(crate) mod general_plane;
 pub(crate) mod given_lens;
 pub(crate) mod lens_uncertainty;
 pub mod linear_camera;

@@ -97,6 +97,55 @@ pub fn cramer_rao_bound(
     Some(bound)
 }
 
+/// Columns of a view of a plane: attitude (2), turn (1), centre (3).
+const VIEW: usize = 6;
+
+/// The bound on the covariance of (fx, fy, cx, cy, skew) in pixels squared from views that moved in any way before a plane, zero rows for what the
+/// constraint holds; `None` when they do not determine it. `seen`: which of the points each view sees. The world is held by the turn and centre of
+/// the first view.
+pub fn plane_views_bound(
+    k: &Intrinsics,
+    views: &[View],
+    (points, seen): (&[Vector2<f64>], &[Vec<bool>]),
+    sigma_px: f64,
+    constraint: Constraint,
+) -> Option<SMatrix<f64, 5, 5>> {
+    let kept: Vec<usize> = (0..5).filter(|&i| constraint.free()[i]).collect();
+    let n = kept.len();
+    let size = n + VIEW * views.len();
+    let mut information = DMatrix::<f64>::zeros(size, size);
+    for (p, point) in points.iter().enumerate() {
+        let of_view = |(v, view): (usize, &View)| {
+            seen[v][p].then(|| project_with_jacobian(k, view, point)).flatten().map(|(_, j)| (v, j))
+        };
+        let jacobians: Vec<_> = views.iter().enumerate().filter_map(of_view).collect();
+        let mut rows = DMatrix::<f64>::zeros(2 * jacobians.len(), size);
+        let mut by_point = DMatrix::<f64>::zeros(2 * jacobians.len(), 2);
+        for (i, (v, j)) in jacobians.iter().enumerate() {
+            for (column, &number) in kept.iter().enumerate() {
+                rows.view_mut((2 * i, column), (2, 1)).copy_from(&j.column(number));
+            }
+            rows.view_mut((2 * i, n + VIEW * v), (2, VIEW)).copy_from(&j.fixed_columns::<VIEW>(5));
+            by_point.view_mut((2 * i, 0), (2, 2)).copy_from(&j.fixed_columns::<2>(11));
+        }
+        let of_point = by_point.transpose() * &by_point;
+        let cross = rows.transpose() * &by_point;
+        information += rows.transpose() * &rows - &cross * inverse_spd(&of_point)? * cross.transpose();
+    }
+    // Turn and centre of the first view.
+    let held = n + 2..n + VIEW;
+    let free: Vec<usize> = (0..size).filter(|i| !held.contains(i)).collect();
+    let reduced = DMatrix::from_fn(free.len(), free.len(), |r, c| information[(free[r], free[c])]);
+    let inverse = inverse_spd(&reduced)? * (sigma_px * sigma_px);
+    let mut bound = SMatrix::<f64, 5, 5>::zeros();
+    for (r, &i) in kept.iter().enumerate() {
+        for (c, &j) in kept.iter().enumerate() {
+            bound[(i, j)] = inverse[(r, c)];
+        }
+    }
+    Some(bound)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,7 @@
 //! A lens of a model that sees to both sides and behind: given, its pixels pass through rays; not given, it is found.
 
 use groundcal::{
-    calibrate::{Method, Options, calibrate_matches},
+    calibrate::{LensModel, Method, MotionModel, Options, calibrate_matches},
     error::Error,
     geometry::{
         camera::Camera,
@@ -13,7 +13,10 @@ use groundcal::{
     observer::Silent,
     pairs::correspondence::ImagePair,
     result::{Calibration, LensSource, Parameter, Warning},
-    synthetic::points::{MotionSpec, PointScene},
+    synthetic::{
+        plane_views::PlaneViewScene,
+        points::{MotionSpec, PointScene},
+    },
 };
 
 const SIZE: ImageSize = ImageSize { width: 1000, height: 1000 };
@@ -109,13 +112,13 @@ fn a_lens_of_a_wide_model_needs_the_camera_through_which_it_acts() {
 }
 
 /// Motions before a lens of 100 to 130 degrees, whose camera and lens nobody knows.
-fn blind(lens: Lens, focal_px: f64, seed: u64) -> (PointScene, Calibration) {
+fn blind_scene(lens: Lens, focal_px: f64, seed: u64) -> PointScene {
     let attitudes: [[f64; 3]; 5] =
         [[48.0, 4.0, 24.0], [40.0, 32.0, -28.0], [55.0, -24.0, 32.0], [45.0, 50.0, -22.0], [58.0, -48.0, 26.0]];
     let motion = |[pitch, roll, turn]: &[f64; 3]| {
         MotionSpec::about_axis(pitch.to_radians(), roll.to_radians(), turn.to_radians(), 0.3, 1.4)
     };
-    let scene = PointScene {
+    PointScene {
         intrinsics: Intrinsics::square(focal_px, 651.0, 467.0),
         lens,
         motions: attitudes.iter().map(motion).collect(),
@@ -123,8 +126,13 @@ fn blind(lens: Lens, focal_px: f64, seed: u64) -> (PointScene, Calibration) {
         sigma_px: 0.2,
         reach: 8.0,
         ..PointScene::nominal(seed)
-    };
-    let names: Vec<String> = (0..2 * attitudes.len()).map(|i| i.to_string()).collect();
+    }
+}
+
+/// What comes of them without a word.
+fn blind(lens: Lens, focal_px: f64, seed: u64) -> (PointScene, Calibration) {
+    let scene = blind_scene(lens, focal_px, seed);
+    let names: Vec<String> = (0..2 * scene.motions.len()).map(|i| i.to_string()).collect();
     let c = calibrate_matches(&names, scene.size, &pairs(&scene), &Options::default(), &Silent)
         .unwrap_or_else(|error| panic!("{lens:?}: {error}"));
     (scene, c)
@@ -163,5 +171,48 @@ fn a_lens_of_brown_and_conrady_stays_one() {
         assert!(!is_said(&c) && matches!(c.camera.lens(), Lens::Radtan(_)), "{k1}: {:?}", c.warnings);
         let sigma = c.standard_deviation(Parameter::Fx).expect("estimated");
         assert!((c.camera.fx - scene.intrinsics.fx).abs() < 4.0 * sigma);
+    }
+}
+
+/// Lenses of 140 and 180 degrees across 1,000 pixels: four models, seen in motions over a floor, and from anywhere before a plane.
+#[test]
+fn a_fisheye_that_is_named_is_told_from_the_planes() {
+    let coefficients = [[0.0; 4], [0.02, -0.005, 0.002, -0.0004], [-0.04, 0.003, 0.0, 0.0], [0.05, -0.01, 0.0, 0.0]];
+    for (seed, (degrees, ks)) in [140.0f64, 180.0].into_iter().flat_map(|d| coefficients.map(|ks| (d, ks))).enumerate()
+    {
+        let seed = seed as u64;
+        let focal_px = 500.0 / (0.5 * degrees.to_radians());
+        let intrinsics = Intrinsics::square(focal_px, 506.5, 494.5);
+        let lens = Lens::Fisheye(Fisheye::new(ks));
+        let floor =
+            PointScene { intrinsics, lens, size: SIZE, matches: 300, sigma_px: 0.3, ..PointScene::nominal(seed) };
+        let plane = PlaneViewScene { intrinsics, lens, size: SIZE, views: 6, ..PlaneViewScene::nominal(seed) };
+        for (motion, pairs) in [(MotionModel::Auto, pairs(&floor)), (MotionModel::General, plane.views().pairs)] {
+            let options = Options { lens: LensModel::Fisheye, motion, ..Options::default() };
+            let names: Vec<String> = (0..6).map(|i| format!("{i}.png")).collect();
+            let c = calibrate_matches(&names, SIZE, &pairs, &options, &Silent)
+                .unwrap_or_else(|e| panic!("{degrees} degrees, {motion:?}: {e}"));
+            assert_eq!((c.camera.lens().name(), c.camera.distortion.source), ("fisheye", LensSource::Estimated));
+            let z = |p: Parameter, truth: f64| (c.value(p) - truth) / c.standard_deviation(p).expect("estimated");
+            let truths = [(Parameter::Fx, focal_px), (Parameter::Cx, 506.5), (Parameter::K1, ks[0])];
+            let off = (c.camera.fx / focal_px - 1.0).abs();
+            println!("{degrees} degrees {motion:?} {ks:?}: off by {:.3} %", 100.0 * off);
+            assert!(off < 0.006 && truths.iter().all(|(p, t)| z(*p, *t).abs() < 4.0), "{degrees} {motion:?} {off}");
+        }
+    }
+}
+
+#[test]
+fn a_lens_said_to_be_no_fisheye_is_taken_for_none() {
+    let mut scene = blind_scene(Lens::Fisheye(Fisheye::new([0.0; 4])), 600.0, 1);
+    scene.lens = Lens::radial(-0.2, 0.02);
+    let names: Vec<String> = (0..2 * scene.motions.len()).map(|i| i.to_string()).collect();
+    let options = Options { lens: LensModel::Radtan, ..Options::default() };
+    let c = calibrate_matches(&names, scene.size, &pairs(&scene), &options, &Silent).expect("a camera");
+    assert!(!is_said(&c) && matches!(c.camera.lens(), Lens::Radtan(_)), "{:?}", c.camera.distortion);
+    // The same of a fisheye: whatever comes of it, it is none.
+    let scene = blind_scene(Lens::Fisheye(Fisheye::new([0.0; 4])), 600.0, 1);
+    if let Ok(c) = calibrate_matches(&names, scene.size, &pairs(&scene), &options, &Silent) {
+        assert!(!is_said(&c) && !matches!(c.camera.lens(), Lens::Fisheye(_)));
     }
 }

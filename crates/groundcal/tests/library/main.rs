@@ -7,6 +7,8 @@ mod degenerate_heads;
 mod exact;
 mod fisheye;
 mod floor;
+mod floor_points;
+mod general_motion;
 mod homographies;
 mod invariance;
 mod lens;

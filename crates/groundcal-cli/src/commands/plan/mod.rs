@@ -10,13 +10,14 @@ use groundcal::plan::{
     request::{PlanRequest, RequestError},
 };
 use groundcal_io::{import::groundcal_json, outputs::Request};
-use groundcal_report::{number::short, plan, terminal};
+use groundcal_report::{number::short, plan};
 
 use crate::{
     args::DistortionArg,
     error::CliError,
     output::{self, Results, canvas_names},
     remedies::Flags,
+    terminal,
 };
 pub(crate) use args::PlanArgs;
 
@@ -38,7 +39,7 @@ pub(crate) fn run(args: &PlanArgs) -> Result<(), CliError> {
     if args.json {
         output::print_json(&json()?)?;
     } else {
-        output::print(&plan::text(&report, &then(&report, args), terminal::WIDTH))?;
+        output::print(&plan::text(&report, &then(&report, args), terminal::width()))?;
     }
     if let Some(finished) = finished {
         finished.tell();

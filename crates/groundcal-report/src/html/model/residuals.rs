@@ -13,6 +13,8 @@ pub(crate) struct Residuals {
     pub(crate) images: Vec<ImageResiduals>,
     /// All images together.
     pub(crate) all: Field,
+    /// How many residuals are how long.
+    pub(crate) histogram: Histogram,
     /// Rings about the principal point, from it outwards, with equally many points.
     pub(crate) rings: Vec<Ring>,
     /// Largest mean radial residual of a ring over its standard deviation: above 4 something is left that depends on the radius.
@@ -22,6 +24,16 @@ pub(crate) struct Residuals {
     /// How many times larger residuals are than those about a homography of each pair's own, for patches and for points (1: the
     /// camera explains them as well).
     pub(crate) times_own: [Option<f64>; 2],
+}
+
+/// Residuals by their length in standard deviations.
+#[derive(Debug, Serialize)]
+pub(crate) struct Histogram {
+    /// Width of a bin.
+    pub(crate) step: f64,
+    pub(crate) counts: Vec<usize>,
+    /// Longer than the last bin.
+    pub(crate) beyond: usize,
 }
 
 /// Residuals of an image.
@@ -140,6 +152,7 @@ pub(crate) fn residuals(c: &Calibration) -> Option<Residuals> {
     let worst = rings.iter().max_by(|a, b| a.significance().total_cmp(&b.significance()));
     Some(Residuals {
         images,
+        histogram: histogram(&all),
         all: field(&list, c.camera.image_size, CELLS_ALL),
         radial_significance: worst.map_or(0.0, Ring::significance),
         radial_px: worst.map_or(0.0, |r| r.radial_px),
@@ -147,6 +160,21 @@ pub(crate) fn residuals(c: &Calibration) -> Option<Residuals> {
         times_own: [|r: &Refinement| r.patches, |r: &Refinement| r.points]
             .map(|of| Some(of(c.fit.refinement.as_ref()?)?.variance_factor.sqrt())),
     })
+}
+
+/// Bins of a quarter of a deviation, up to so many deviations.
+const BIN: f64 = 0.25;
+const LONGEST: f64 = 5.0;
+
+fn histogram(all: &[Weighted]) -> Histogram {
+    let mut of = Histogram { step: BIN, counts: vec![0; (LONGEST / BIN) as usize], beyond: 0 };
+    for w in all {
+        match of.counts.get_mut((w.o.deviations / BIN) as usize) {
+            Some(count) => *count += 1,
+            None => of.beyond += 1,
+        }
+    }
+    of
 }
 
 impl Ring {

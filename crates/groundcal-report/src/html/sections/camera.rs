@@ -128,7 +128,7 @@ fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
         "tick",
         [0.5 * (left + 500.0), bottom + 38.0],
         Anchor::Middle,
-        "standard deviation, px (of the lens: their effect at the image's corner)",
+        "standard deviation, px (lens: at the image's corner)",
     );
     let legend = format!(
         "<p class=\"legend\">{} assumed beforehand {} after the images</p>",
@@ -139,7 +139,7 @@ fn error_bars(camera: &CameraNumbers, c: &Calibration) -> String {
     figure(
         "half",
         &format!("{bars}{legend}"),
-        "How far the images narrowed each number. Where circle and diamond nearly meet, the assumption decided, not the images; \
+        "How far the images narrowed each number (of the lens: its effect at the corner of the image). Where circle and diamond nearly meet, the assumption decided, not the images; \
          without a diamond nothing was assumed.",
     )
 }

@@ -2,12 +2,15 @@
 
 mod attitudes;
 mod camera;
+mod copy;
 mod floor;
+mod images;
 mod motions;
+mod projection;
 mod residuals;
 mod tables;
 
-use groundcal::result::{Calibration, Method};
+use groundcal::result::{Calibration, Method, MotionKind, Scene, judge::level_with};
 
 use crate::{
     canvas::svg::escape,
@@ -18,6 +21,7 @@ use crate::{
     },
     number::decimals_of_sigma,
     text::{beside_warnings, verdict_line},
+    uncertainty::in_short,
 };
 
 /// The page's title.
@@ -26,23 +30,27 @@ pub(crate) fn title(c: &Calibration) -> String {
 }
 
 /// Everything between `<body>` and the scripts.
-pub(crate) fn body(c: &Calibration, model: &Model, pictures: &Pictures) -> String {
+pub(crate) fn body(c: &Calibration, model: &Model, pictures: &Pictures, command: Option<&str>) -> String {
     let mut page = String::with_capacity(4 << 20);
     let mut sections: Vec<(&str, &str, String)> = vec![
         ("warnings", "Warnings", warnings(model)),
         ("camera", "Camera", camera::section(c, model)),
-        ("motions", "Motions", motions::section(model, c, pictures)),
+        ("images", "Images", images::section(c, pictures)),
     ];
+    if let Some(of) = &c.projection_uncertainty {
+        sections.push(("projection", "Expected error", projection::section(c, of)));
+    }
+    sections.push(("motions", "Motions", motions::section(model, c, pictures)));
     if let Some(residuals) = &model.residuals {
         sections.push(("residuals", "Residuals", residuals::section(c, residuals)));
     }
     if !model.floor.is_empty() {
         sections.push(("floor", "Views over the floor", floor::section(model)));
     }
-    if let Some(conic) = &model.conic {
-        sections.push(("attitudes", "Attitudes and the absolute conic", attitudes::section(c, conic)));
-    }
     sections.push(("tables", "All numbers", tables::section(c)));
+    if let Some(conic) = &model.conic {
+        sections.push(("attitudes", "Appendix: attitudes and the absolute conic", attitudes::section(c, conic)));
+    }
     page.push_str("<a class=\"skip\" href=\"#main\">Skip to the content</a>\n<header>\n");
     page.push_str(&headline(c, model));
     page.push_str("<nav aria-label=\"Sections\"><ul>");
@@ -57,11 +65,7 @@ pub(crate) fn body(c: &Calibration, model: &Model, pictures: &Pictures) -> Strin
             "<section id=\"{id}\" aria-labelledby=\"h-{id}\">\n<h2 id=\"h-{id}\">{name}</h2>\n{content}</section>\n"
         ));
     }
-    page.push_str(&format!(
-        "</main>\n<footer><p>groundcal {}. Pixel (0, 0) is the centre of the top-left pixel. Lengths on the floor are in heights of \
-         the camera named.</p></footer>\n",
-        env!("CARGO_PKG_VERSION")
-    ));
+    page.push_str(&format!("</main>\n{}", footer(c, command)));
     page
 }
 
@@ -83,12 +87,17 @@ fn headline(c: &Calibration, model: &Model) -> String {
         n => format!("<a href=\"#warnings\">{}</a>", counted(n, "warning")),
     };
     format!(
-        "<h1>Camera calibration</h1>\n{}<p class=\"lead\"><strong>{f}</strong></p>\n\
-         <p>{} images of {w} \u{d7} {h} px, {used} of {} pairs used as motions, {}; constraint {}, {}; {warned}.</p>\n",
+        "<h1>Camera calibration</h1>\n{}<p class=\"lead\"><strong>{f}</strong></p>\n{}{}\
+         <p>{} of {w} \u{d7} {h} px, {used} of {} pairs used as {}; constraint {}, {}; {warned}.</p>\n",
         verdict(c),
-        c.evidence.images.len(),
+        errors(c),
+        copy::block(c),
+        counted(c.evidence.images.len(), "image"),
         c.motions.len(),
-        counted(c.attitudes.len(), "attitude"),
+        match c.motion {
+            Some(MotionKind::General) => "views of one plane, each with an attitude of its own".to_string(),
+            _ => format!("motions, {}", counted(c.attitudes.len(), "attitude")),
+        },
         escape(c.constraint.name()),
         match c.method {
             Method::Joint => "joint refinement",
@@ -96,6 +105,42 @@ fn headline(c: &Calibration, model: &Model) -> String {
             Method::Kzr => "linear method as published",
             Method::Rotating => "rotating-camera method",
         },
+    )
+}
+
+/// What users of other programs look for first, and what they should.
+fn errors(c: &Calibration) -> String {
+    let mut said = Vec::new();
+    if let Some((rms_px, r)) = c.fit.refinement.as_ref().and_then(|r| Some((r.reprojection_rms_px?, r))) {
+        said.push(format!(
+            "Reprojection error <strong>{} px</strong> rms over {} observations of {} points",
+            fixed(rms_px, decimals_of_sigma(rms_px).min(4)),
+            r.observations,
+            r.tracks
+        ));
+    }
+    let grid = c.projection_uncertainty.as_ref();
+    if let Some([middle, _, most]) = grid.and_then(|g| in_short(g, &g.distant_px)) {
+        let [middle, most] = [middle, most].map(|v| fixed(v, decimals_of_sigma(v).min(4)));
+        said.push(format!(
+            "points far away are shown to within <a href=\"#projection\"><strong>{middle} px</strong> in the middle of the image, {most} px at worst</a>"
+        ));
+    }
+    if said.is_empty() { String::new() } else { format!("<p>{}.</p>\n", said.join("; ")) }
+}
+
+/// How the page came about.
+fn footer(c: &Calibration, command: Option<&str>) -> String {
+    let unit = match (c.scene, c.camera_height_m) {
+        (Some(Scene::Directions), _) => "",
+        (_, Some(_)) => " Lengths on the floor are in metres.",
+        (_, None) => " Lengths on the floor are in heights of the camera named.",
+    };
+    let by = command.map_or(String::new(), |c| format!("<p>Made by <code id=\"command\">{}</code></p>", escape(c)));
+    format!(
+        "<footer>{by}<p>groundcal {}, calibration.json of schema {}. Pixel (0, 0) is the centre of the top-left pixel.{unit}</p></footer>\n",
+        env!("CARGO_PKG_VERSION"),
+        c.schema_version
     )
 }
 
@@ -116,8 +161,10 @@ fn warnings(model: &Model) -> String {
     if model.warnings.is_empty() {
         return "<p>None.</p>\n".into();
     }
-    let items: String = model
-        .warnings
+    // The gravest first, the others in the order in which they were found.
+    let mut sorted: Vec<_> = model.warnings.iter().collect();
+    sorted.sort_by_key(|w| std::cmp::Reverse(level_with(&w.warning)));
+    let items: String = sorted
         .iter()
         .map(|w| format!("<li><strong><code>{}</code></strong> {}.</li>\n", w.warning.code(), escape(&w.message)))
         .collect();

@@ -10,7 +10,7 @@ use crate::{
     },
     html::{
         markup::{Axes, Drawing, drawing, figure, fixed, symbol, table},
-        model::residuals::{Field, Residuals, Ring},
+        model::residuals::{Field, Histogram, Residuals, Ring},
     },
     number::{decimals_of_sigma, decimals_of_step},
 };
@@ -33,9 +33,10 @@ pub(crate) fn section(c: &Calibration, r: &Residuals) -> String {
          Arrows that point in or out together are the lens; arrows of one place a thing on the floor.",
     );
     format!(
-        "{}{}<div class=\"figures\">\n{}{over_the_image}</div>\n{}{}",
+        "{}{}<div class=\"figures\">\n{}{}{over_the_image}</div>\n{}{}",
         of_the_radius(r),
         of_the_model(r),
+        histogram(&r.histogram),
         against_radius(&r.rings),
         image_by_image(c, r),
         table_of_images(r)
@@ -119,6 +120,46 @@ fn table_of_images(r: &Residuals) -> String {
         "Residuals of each image (deviations: as all images together show them; 1 is average, more where something does not fit)",
         &["image", "points", "rms, px", "rms, deviations", "counted less"],
         &rows,
+    )
+}
+
+/// How many residuals are how long, and how many would be by chance.
+fn histogram(h: &Histogram) -> String {
+    let (left, right, top, bottom) = (66.0, 500.0, 12.0, 300.0);
+    let total: usize = h.counts.iter().sum::<usize>() + h.beyond;
+    let share = |n: usize| 100.0 * n as f64 / total.max(1) as f64;
+    let end = h.step * h.counts.len() as f64;
+    // Rayleigh's distribution: the length of two independent residuals of one deviation.
+    let survives = |d: f64| (-0.5 * d * d).exp();
+    let expected = |i: usize| 100.0 * (survives(h.step * i as f64) - survives(h.step * (i + 1) as f64));
+    let most = (0..h.counts.len()).map(|i| share(h.counts[i]).max(expected(i))).fold(1.0, f64::max);
+    let (x, y) = (Scale::new([0.0, end], [left, right]), Scale::new([0.0, 1.08 * most], [bottom, top]));
+    let mut svg = Drawing::new([0.0, 0.0, 520.0, 346.0]);
+    let axes = Axes {
+        frame: [left, right, top, bottom],
+        x: &x,
+        y: &y,
+        x_label: "length of a residual, standard deviations",
+        y_label: "residuals, %",
+    };
+    axes.draw(&mut svg);
+    for (i, n) in h.counts.iter().enumerate() {
+        let [from, to] = [x.at(h.step * i as f64), x.at(h.step * (i + 1) as f64)];
+        let height = y.at(share(*n));
+        svg.rectangle("bar", [from + 0.5, height], [to - from - 1.0, bottom - height]);
+    }
+    let curve = (0..h.counts.len()).map(|i| [x.at(h.step * (i as f64 + 0.5)), y.at(expected(i))]).collect();
+    svg.shape("second", Shape::polyline(curve));
+    figure(
+        "half",
+        &drawing(&svg, "plot", "Histogram of the lengths of residuals"),
+        &format!(
+            "How long the residuals are (bars), and how long noise alone would make them (line). {} of {total} are longer than {} deviations ({} by chance); \
+             they count less.",
+            h.beyond,
+            fixed(end, 0),
+            fixed(total as f64 * survives(end), 1)
+        ),
     )
 }
 
