@@ -1,5 +1,5 @@
 //! A radial distortion of each pair's own, of one parameter, undone in its matches (KZR 3.2), for comparison with what all pairs tell together
-//! ([`crate::pairs::known_lens`]). The model and both ways to its λ are those of [`crate::pairs::division`]; the centre of distortion is held
+//! (`pairs::known_lens`). The model and both ways to its λ are those of [`crate::pairs::division`]; the centre of distortion is held
 //! at the origin of the frame.
 
 use nalgebra::Vector2;
