@@ -79,7 +79,9 @@ pub(crate) fn table(caption: &str, heads: &[&str], rows: &[Vec<String>]) -> Stri
         })
         .collect();
     format!(
-        "<div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table><caption>{0}</caption>\n\
+        // What is read out belongs to the table; what is seen does not scroll with it.
+        "<p class=\"caption\" aria-hidden=\"true\">{0}</p>\n\
+         <div class=\"scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{0}\"><table><caption>{0}</caption>\n\
          <thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table></div>\n",
         escape(caption)
     )

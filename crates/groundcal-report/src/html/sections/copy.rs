@@ -46,7 +46,7 @@ fn as_text(c: &Calibration) -> String {
         .map(|(name, value)| format!("{name} {}", digits(value)))
         .collect();
     let lens =
-        if named.is_empty() { "lens: none".into() } else { format!("lens: {}: {}", lens.name(), named.join(", ")) };
+        if named.is_empty() { "lens: none".into() } else { format!("lens: {}\n{}", lens.name(), named.join("\n")) };
     format!("{}\n{lens}", cells.iter().map(row).collect::<Vec<_>>().join("\n"))
 }
 
