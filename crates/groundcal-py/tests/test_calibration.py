@@ -146,7 +146,7 @@ def test_it_shows_itself(tripod: groundcal.Calibration, tmp_path: Path) -> None:
     assert page == (tmp_path / "page.html").read_text(encoding="utf-8") and "data:image/jpeg" in page
     shown = tripod._repr_html_()
     assert shown.startswith("<iframe srcdoc=") and "&lt;!doctype html&gt;" in shown
-    assert "Motions used: 6 of 66 pairs" in tripod.summary()
+    assert "Motions used:   6 of 66 pairs" in tripod.summary()
     assert len(tripod.summary(verbose=True)) > len(tripod.summary())
     with pytest.raises(TypeError, match="made by groundcal.calibrate"):
         groundcal.Calibration(3)
