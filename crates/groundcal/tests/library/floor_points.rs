@@ -15,6 +15,7 @@ use groundcal::{
     },
     pairs::correspondence::ImagePair,
     result::Calibration,
+    start::linear_camera::{GivenPrior, PriorParameter},
     synthetic::points::PointScene,
 };
 use nalgebra::Vector2;
@@ -32,9 +33,18 @@ const HELD: std::ops::RangeInclusive<usize> = 465..=485;
 /// How far views stray in tilt and height, which is also said.
 const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 const HEIGHT_SIGMA: f64 = 0.002;
+/// Of k1 and k2: lenses are drawn from what is said of them.
+const LENS_SIGMA: [f64; 2] = [0.03, 0.01];
 
 fn options() -> Options {
-    Options { attitude_sigma_deg: Some(ATTITUDE_SIGMA_DEG), height_sigma: Some(HEIGHT_SIGMA), ..Options::default() }
+    Options {
+        attitude_sigma_deg: Some(ATTITUDE_SIGMA_DEG),
+        height_sigma: Some(HEIGHT_SIGMA),
+        priors: [(PriorParameter::K1, LENS_SIGMA[0]), (PriorParameter::K2, LENS_SIGMA[1])]
+            .map(|(parameter, sigma)| GivenPrior { parameter, mean: 0.0, sigma })
+            .to_vec(),
+        ..Options::default()
+    }
 }
 
 /// A camera drawn from what is assumed of cameras, and its calibration.
@@ -53,12 +63,15 @@ fn trial(seed: u64) -> Trial {
     let fx = 1000.0 + normal(30.0);
     let fy = fx * (1.0 + normal(0.003));
     let intrinsics = Intrinsics { fx, fy, cx: cx + normal(shift), cy: cy + normal(shift), skew: 0.0 };
-    let lens = Lens::Radtan(Radtan::new([normal(0.03), normal(0.01), normal(0.001), normal(0.001), 0.0]));
+    let lens =
+        Lens::Radtan(Radtan::new([normal(LENS_SIGMA[0]), normal(LENS_SIGMA[1]), normal(0.001), normal(0.001), 0.0]));
     let mut scene = PointScene { intrinsics, lens, sigma_px: 0.5, matches: 100, ..nominal };
     // Each view strays from what its attitude's have in common: the second of a motion from the first by both.
     let both = 2f64.sqrt();
     for m in &mut scene.motions {
-        m.attitude_error_rad = [0; 2].map(|_| normal(both * ATTITUDE_SIGMA_DEG.to_radians()));
+        // A roll is about the optical axis, of which the part along the floor tilts the camera.
+        let [ahead, aside] = [0; 2].map(|_| normal(both * ATTITUDE_SIGMA_DEG.to_radians()));
+        m.attitude_error_rad = [ahead, aside / m.pitch_down_rad.cos()];
         m.height_ratio = 1.0 + normal(both * HEIGHT_SIGMA);
     }
     let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
