@@ -276,7 +276,6 @@ fn odometry_gives_metres_and_the_place_of_the_camera() {
         let pull = pull(value, sigma, truth);
         assert!(pull.abs() < 3.5, "{value}: {pull} deviations");
     }
-    assert!(number(base, "/metres_per_unit_sigma") < 0.03, "an error bar that says something");
     assert!((number(&json, "/camera_height_m") - number(base, "/metres_per_unit")).abs() < 1e-9);
     // The same by times, in nanoseconds and in seconds.
     let other = tempdir().unwrap();

@@ -141,7 +141,7 @@ mod tests {
             };
             [median(0), median(2)]
         };
-        let (few, many, flat) = (of(4, 50.0), of(10, 50.0), of(6, 10.0));
+        let (few, many, flat) = (of(5, 50.0), of(10, 50.0), of(6, 10.0));
         assert!(many[0] < few[0] && many[0] < flat[0], "{few:?} {many:?} {flat:?}");
         for [error, bound] in [few, many] {
             assert!(error < 1.4 * bound, "{error} {bound}");
