@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import warnings
 from pathlib import Path
 
@@ -112,6 +113,14 @@ def test_masks(tmp_path: Path, pictures: list[scene.Array], made: groundcal.Cali
     found = groundcal.calibrate(painted, names=names)
     assert_true(found)
     assert [w.code for w in found.warnings].count("still_in_all_images") == 1
+    # One motion for five unknowns. The error has what was set aside with it.
+    with pytest.raises(groundcal.DegenerateError) as caught:
+        groundcal.calibrate(painted[:3], names=names[:3], pairs=[tuple(names[:2])], constraint="full")
+    (note,) = caught.value.notes
+    assert "stands still in all images" in note
+    assert getattr(caught.value, "__notes__", [note]) == [note]
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert (str(again), again.code, again.notes) == (str(caught.value), caught.value.code, (note,))
     used = np.zeros(SIZE[::-1], dtype=np.uint8)
     used[:176] = 1
     masked = groundcal.calibrate(painted, names=names, mask=used)

@@ -239,7 +239,7 @@ fn a_single_motion_before_a_still_background_may_stray() {
 #[test]
 fn what_stands_still_and_damaged_images_are_in_the_error() {
     let folder = set(|_, y| y >= 260);
-    // Three attitudes without a motion, the last picture cut.
+    // One motion for five unknowns, a third picture cut.
     let of = |name: &str| folder.path().join(name);
     let jpeg = of("2a.jpg");
     image::open(of("2a.png")).unwrap().save(&jpeg).unwrap();
@@ -247,7 +247,11 @@ fn what_stands_still_and_damaged_images_are_in_the_error() {
     bytes.truncate(bytes.len() * 9 / 10);
     bytes.extend([0xff, 0xd9]);
     std::fs::write(&jpeg, bytes).unwrap();
-    let run = calibrate(&[text(&of("0a.png")), text(&of("1a.png")), text(&jpeg)]);
+    let pairs = of("pairs.csv");
+    std::fs::write(&pairs, "image_a,image_b\n0a.png,0b.png\n").unwrap();
+    let images = [of("0a.png"), of("0b.png"), jpeg].map(|path| text(&path));
+    let options = ["--constraint", "full", "--pairs", &text(&pairs)].map(String::from);
+    let run = calibrate(&[images.as_slice(), &options].concat());
     assert_eq!(run.code, 3, "{}", run.stderr);
     let error: Value = serde_json::from_str(&run.stdout).unwrap();
     let notes = error["error"]["notes"].as_array().unwrap();
