@@ -154,8 +154,8 @@ fn histogram(h: &Histogram) -> String {
         "half",
         &drawing(&svg, "plot", "Histogram of the lengths of residuals"),
         &format!(
-            "How long the residuals are (bars), and how long noise alone would make them (line). {} of {total} are longer than {} deviations ({} by chance); \
-             they count less.",
+            "How long the residuals are (bars), and how long Gaussian noise would make them (line): matches of pictures have more short and more \
+             long ones. {} of {total} are longer than {} deviations ({} by chance); they count less.",
             h.beyond,
             fixed(end, 0),
             fixed(total as f64 * survives(end), 1)
