@@ -38,6 +38,9 @@ pub(super) fn with_departure(
     }
     let mut options = refined.options.clone();
     options.bundle.departures.push(kind);
+    if !refined.may_gain_by(&options) {
+        return Ok(None);
+    }
     let better = matter.better_with(refined, options, needed)?;
     Ok(better.map(|(gain, mut with)| {
         with.departures.push((kind, gain));

@@ -64,11 +64,24 @@ pub(super) struct Refined {
 /// Deviation of attitudes, radians, from which on it is asked what else may have made them stray: a camera that stands still strays by a
 /// hundredth of a degree.
 const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
+/// Design effect up to which residuals of neighbours have no more in common than matches of pictures usually do.
+const TAME_DESIGN_EFFECT: f64 = 2.6;
 
 impl Refined {
     /// Whether the attitudes stray by more than those of a camera that stands still.
     pub(super) fn attitudes_stray(&self) -> bool {
         self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
+    }
+
+    /// Whether an alternative may be better: where attitudes stray, or the residuals have much in common, any may; elsewhere the refinement is
+    /// linear enough for its evidence to be foretold. (Of 708 alternatives tried there 605 promised nothing, of which one was better by odds of 1000,
+    /// with a design effect of 9.8; elsewhere 28 of 2,665.)
+    pub(super) fn may_gain_by(&self, options: &RefinementOptions) -> bool {
+        let bundle = &self.joint.bundle;
+        let is_tame = self.joint.has_converged()
+            && !self.attitudes_stray()
+            && bundle.design_effects.iter().all(|effect| *effect <= TAME_DESIGN_EFFECT);
+        !is_tame || bundle.prospect(&self.joint.tracks, &options.bundle).is_none_or(|gain| gain > 0.0)
     }
 
     /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, where that is more than

@@ -107,17 +107,20 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
     if distance < SUSPECT_DISTANCE && !hides {
         return Ok(None);
     }
+    let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
+    if needed > 0.0 && !refined.may_gain_by(&options) {
+        return Ok(None);
+    }
     let mut starts: Vec<State> = vec![refined.joint.bundle.state.clone()];
     let closed_form = solve_camera_until(&matter.motions, &options.frame, &options.camera, matter.observer).ok();
     matter.observer.go_on()?;
-    // The closed form knows the lens of Brown and Conrady alone.
-    // And it knows the views of motions alone.
-    let same_views = refined.joint.views.len() == matter.views.len();
-    let usual_lens = closed_form.as_ref().filter(|_| refined.fisheye.is_none() && same_views);
+    // The closed form knows the lens of Brown and Conrady alone, and of the tracks those of the motions: with links between attitudes its
+    // start is far from any minimum of theirs, and without them it has been tried.
+    let of_motions = refined.fisheye.is_none() && refined.joint.cross_links.is_empty();
+    let usual_lens = closed_form.as_ref().filter(|_| of_motions);
     starts.extend(usual_lens.and_then(|solution| matter.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());
     let Some(mut without) = matter.tried(refined, solution, options, starts)? else { return Ok(None) };
-    let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
     let Some(gain) = without.gain_over(refined, needed) else { return Ok(None) };
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
     if found.iter().all(|c| c.deviations() < CONTRADICTED) {

@@ -13,7 +13,7 @@
 //! The unknowns are [`blocks`]; the [`layout`] says where each stands. Numbers of the lens that are held until the residuals ask for them
 //! are released by a score test (`release`). The points are eliminated ([`elimination`]); what is left is
 //! sparse ([`crate::numerics::skyline`]). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
-//! `covariance` and `profile`.
+//! `covariance` and `profile`. What an alternative would gain is looked at (`prospect`) before it is tried.
 
 pub(crate) mod adjust;
 pub mod blocks;
@@ -25,6 +25,7 @@ pub mod layout;
 pub(crate) mod lever;
 pub mod problem;
 pub(crate) mod profile;
+pub(crate) mod prospect;
 pub(crate) mod release;
 pub mod residual;
 pub(crate) mod reweight;
