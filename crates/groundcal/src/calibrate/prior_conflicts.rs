@@ -9,7 +9,7 @@
 //! mean of the ratio over data of the narrower model is 1: Markov's inequality).
 
 use crate::{
-    calibrate::departures::with_departure,
+    calibrate::departures::{departing, with_departure},
     calibrate::fisheye::with_fisheye,
     calibrate::matter::{Matter, Refined, RefinementOptions},
     calibrate::strays::with_stray_frame,
@@ -61,29 +61,8 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
     let asked = refined.options.bundle.clone();
     let mut changed = false;
     for _ in 0..MOST_RELEASED {
-        let mut best: Option<(f64, Refined)> = None;
-        let mut offer = |found: Option<(f64, Refined)>| {
-            if let Some((gain, other)) = found
-                && best.as_ref().is_none_or(|(most, _)| gain > *most)
-            {
-                best = Some((gain, other));
-            }
-        };
-        for numbers in RELEASES {
-            // A fisheye has no decentring.
-            if numbers[0] >= DECENTRING && refined.fisheye.is_some() {
-                continue;
-            }
-            offer(without_prior(matter, &refined, numbers)?);
-        }
-        let needed = 2.0 * RELEASE_ODDS.ln();
-        offer(with_fisheye(matter, &refined, needed)?);
-        offer(with_stray_frame(matter, &refined, needed)?);
-        for kind in DepartureKind::ALL {
-            offer(with_departure(matter, &refined, kind, needed)?);
-        }
-        match best {
-            Some((_, without)) => (refined, changed) = (without, true),
+        match best_alternative(matter, &refined)? {
+            Some(without) => (refined, changed) = (without, true),
             None => break,
         }
     }
@@ -97,20 +76,73 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
     matter.refined_again(&refined, refined.solution.clone(), options, starts)
 }
 
+/// What may be wrong of a refinement, and how it is tried.
+#[derive(Clone, Copy)]
+enum Alternative {
+    /// Priors of some numbers.
+    Without(&'static [usize]),
+    /// That pictures do not depart from each other.
+    Departing(DepartureKind),
+}
+
+/// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
+const FAR_AHEAD: f64 = 100.0;
+
+/// The best refinement of those with one assumption less; `None`: none is better. Those that promise most are tried first.
+fn best_alternative(matter: &Matter<'_>, refined: &Refined) -> Result<Option<Refined>, Error> {
+    let mut best: Option<(f64, Refined)> = None;
+    let needed = 2.0 * RELEASE_ODDS.ln();
+    let offer = |best: &mut Option<(f64, Refined)>, found: Option<(f64, Refined)>| {
+        if let Some((gain, other)) = found
+            && best.as_ref().is_none_or(|(most, _)| gain > *most)
+        {
+            *best = Some((gain, other));
+        }
+    };
+    offer(&mut best, with_fisheye(matter, refined, needed)?);
+    offer(&mut best, with_stray_frame(matter, refined, needed)?);
+    // A fisheye has no decentring.
+    let releases = RELEASES.into_iter().filter(|numbers| numbers[0] < DECENTRING || refined.fisheye.is_none());
+    let departures = DepartureKind::ALL.into_iter().map(Alternative::Departing);
+    let mut promising: Vec<(f64, Alternative)> = Vec::new();
+    for alternative in releases.map(Alternative::Without).chain(departures) {
+        matter.observer.go_on()?;
+        let options = match alternative {
+            Alternative::Without(numbers) => released(refined, numbers),
+            Alternative::Departing(kind) => departing(refined, kind),
+        };
+        let Some(options) = options else { continue };
+        let prospect = refined.prospect(&options);
+        let asked = matches!(alternative, Alternative::Without(numbers) if distance_of(refined, numbers) > CONFLICT);
+        if asked || prospect > 0.0 || !refined.is_tame() {
+            promising.push((prospect, alternative));
+        }
+    }
+    promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (prospect, alternative) in promising {
+        if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + FAR_AHEAD) {
+            break;
+        }
+        let found = match alternative {
+            Alternative::Without(numbers) => without_prior(matter, refined, numbers)?,
+            Alternative::Departing(kind) => with_departure(matter, refined, kind, needed)?,
+        };
+        offer(&mut best, found);
+    }
+    Ok(best.map(|(_, other)| other))
+}
+
+/// The greatest distance between the priors of some numbers and what the data say of them.
+fn distance_of(refined: &Refined, numbers: &[usize]) -> f64 {
+    let unknowns = &refined.options.bundle.cameras[0];
+    numbers.iter().filter_map(|&n| refined.joint.prior_conflict(unknowns, n)).fold(0.0, f64::max)
+}
+
 /// The refinement without the priors of some numbers, where the tracks contradict them; with it twice the logarithm of the odds.
 fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> Result<Option<(f64, Refined)>, Error> {
-    let Some(options) = released(&refined.options, refined, numbers) else { return Ok(None) };
-    let unknowns = &refined.options.bundle.cameras[0];
-    let distance = numbers.iter().filter_map(|&n| refined.joint.prior_conflict(unknowns, n)).fold(0.0, f64::max);
-    // What is held has no distance, and an aspect ratio hides in attitudes that stray; the principal point and the lens do not.
-    let hides = matches!(numbers, [ASPECT] | [SKEW]);
-    if distance < SUSPECT_DISTANCE && !hides {
-        return Ok(None);
-    }
+    let Some(options) = released(refined, numbers) else { return Ok(None) };
+    let distance = distance_of(refined, numbers);
     let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
-    if needed > 0.0 && !refined.may_gain_by(&options) {
-        return Ok(None);
-    }
     let mut starts: Vec<State> = vec![refined.joint.bundle.state.clone()];
     let closed_form = solve_camera_until(&matter.motions, &options.frame, &options.camera, matter.observer).ok();
     matter.observer.go_on()?;
@@ -144,8 +176,14 @@ fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) ->
     Ok(again.and_then(|again| Some((again.gain_over(refined, BETTER_MINIMUM)?, again))))
 }
 
-/// The options with the priors of some numbers wide; `None`: there is nothing to release.
-fn released(before: &RefinementOptions, refined: &Refined, numbers: &[usize]) -> Option<RefinementOptions> {
+/// The options with the priors of some numbers wide; `None`: there is nothing to release, or no reason to.
+fn released(refined: &Refined, numbers: &[usize]) -> Option<RefinementOptions> {
+    // What is held has no distance, and an aspect ratio hides in attitudes that stray; the principal point and the lens do not.
+    let hides = matches!(numbers, [ASPECT] | [SKEW]);
+    if distance_of(refined, numbers) < SUSPECT_DISTANCE && !hides {
+        return None;
+    }
+    let before = &refined.options;
     let mut options = before.clone();
     let unknowns = options.bundle.cameras.first_mut()?;
     let numbers_of_lens = refined.joint.bundle.cameras[0].state.count();
