@@ -34,9 +34,9 @@ use groundcal_lab::{render_scene, renderer::render::Renderer};
 /// Size of the images of tables.
 const SIZE: ImageSize = ImageSize { width: 1280, height: 960 };
 /// Images, pairs and matches of the largest calibration that is tried.
-const MOST_IMAGES: usize = 10;
-const MOST_PAIRS: usize = 8;
-const MOST_MATCHES: usize = 400;
+const MAX_IMAGES: usize = 10;
+const MAX_PAIRS: usize = 8;
+const MAX_MATCHES: usize = 400;
 
 /// A target.
 pub(crate) struct Target {
@@ -209,7 +209,7 @@ fn written_is_read(c: &Calibration) {
 fn calibrate(path: &Path) -> Result<String, String> {
     let found = read(path)?;
     let matches: usize = found.pairs.iter().map(|p| p.matches.len()).sum();
-    if found.names.len() > MOST_IMAGES || found.pairs.len() > MOST_PAIRS || matches > MOST_MATCHES {
+    if found.names.len() > MAX_IMAGES || found.pairs.len() > MAX_PAIRS || matches > MAX_MATCHES {
         return Err("larger than is tried".into());
     }
     // Any sum of the input tells options apart.

@@ -89,5 +89,5 @@ fn the_front_end_words_the_messages_and_nothing_else() {
         text.lines().filter_map(|l| Some(l.split_once("\": ")?.0.to_string())).collect()
     };
     assert_eq!(keys(&plain), keys(&loud), "the order of the keys");
-    assert!(plain.starts_with("{\n  \"schema_version\": 5,\n  \"format_version\": 1,\n  \"verdict\""));
+    assert!(plain.starts_with("{\n  \"schema_version\": 6,\n  \"format_version\": 2,\n  \"verdict\""));
 }

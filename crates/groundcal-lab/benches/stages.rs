@@ -24,7 +24,7 @@ use groundcal::{
         BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
         Track, adjust,
     },
-    select::attitude_groups::{Motion, Sides},
+    select::attitude_groups::{HorizonSides, Motion},
     start::linear_camera::{CameraOptions, solve_camera},
     synthetic::points::{MotionSpec, PointScene},
     vision::{
@@ -138,7 +138,7 @@ fn run() {
                         from: (2 * i).into(),
                         to: (2 * i + 1).into(),
                         geometry: from_homography(e).ok()?,
-                        sides: Sides::One,
+                        sides: HorizonSides::One,
                     })
                 })
                 .collect();

@@ -101,7 +101,7 @@ mod tests {
             circular_points::from_homography,
             refine::{RefineOptions, refine},
         },
-        select::attitude_groups::Sides,
+        select::attitude_groups::HorizonSides,
         start::absolute_conic::Constraint,
     };
 
@@ -138,7 +138,7 @@ mod tests {
                 .map(|p| {
                     let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).expect("a homography");
                     let geometry = from_homography(&h).expect("a turn");
-                    Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: Sides::One }
+                    Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: HorizonSides::One }
                 })
                 .collect();
             let ranked = rank_subsets(&motions, &frame, &options, 3).expect("few enough");

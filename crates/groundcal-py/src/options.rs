@@ -246,7 +246,7 @@ impl Asked {
             lens: known_lens(given)?,
             camera_height_m: taken(given, "camera_height_m")?,
             image_size: image_size(given)?,
-            threads: threads.map(|n| n.min(MOST_THREADS)),
+            threads: threads.map(|n| n.min(MAX_THREADS)),
         })
     }
 
@@ -285,4 +285,4 @@ impl Asked {
 }
 
 /// More than this help on no machine.
-const MOST_THREADS: usize = 256;
+const MAX_THREADS: usize = 256;

@@ -131,7 +131,7 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub(crate) attitude_sigma_deg: Option<f64>,
 
-    /// How far the camera's height over the floor strays between the views of an attitude, relative standard deviation (0: constant
+    /// How far the camera's height over the floor varies between the views of an attitude, relative standard deviation (0: constant
     /// height; 0.3 and more: free) [default: estimated]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) height_sigma: Option<f64>,

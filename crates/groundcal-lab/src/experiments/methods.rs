@@ -18,7 +18,7 @@ use groundcal::{
     },
     remedy::Remedy,
     result::{Calibration, Parameter},
-    select::attitude_groups::{Motion, Sides},
+    select::attitude_groups::{HorizonSides, Motion},
     start::{
         absolute_conic::{Constraint, WeightedPoint, intrinsics_of},
         rotating_camera::{RotatingOptions, Weighting, calibrate_rotating},
@@ -118,7 +118,7 @@ pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> R
                 from: pair.from.into(),
                 to: pair.to.into(),
                 geometry,
-                sides: Sides::One,
+                sides: HorizonSides::One,
             });
             Ok((found.estimate, motion, found.inliers.len()))
         })

@@ -36,7 +36,7 @@ use groundcal::{
     },
     synthetic::{
         bound::{HeightModel, cramer_rao_bound},
-        points::{MotionSpec, PointScene, REACH, SyntheticPair},
+        points::{MotionSpec, NOMINAL_RANGE, PointScene, SyntheticPair},
     },
 };
 
@@ -297,7 +297,7 @@ pub fn scene(condition: &Condition, seed: u64, trial: u64) -> PointScene {
         matches,
         sigma_px: condition.noise_px,
         outlier_fraction: 0.0,
-        reach: REACH,
+        reach: NOMINAL_RANGE,
         seed: own_seed,
     }
 }

@@ -14,7 +14,7 @@ use groundcal::{
         circular_points::from_homography,
         refine::{RefineOptions, refine},
     },
-    select::attitude_groups::{Motion, Sides},
+    select::attitude_groups::{HorizonSides, Motion},
     start::{
         absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
         linear_camera::CameraOptions,
@@ -63,7 +63,7 @@ pub fn trial(size: usize, setting: Setting, noise_px: f64, seed: u64, number: u6
         .map(|p| {
             let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).ok()?;
             let geometry = from_homography(&h).ok()?;
-            Some(Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: Sides::One })
+            Some(Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: HorizonSides::One })
         })
         .collect::<Option<_>>()?;
     let options = CameraOptions {

@@ -1,9 +1,9 @@
 //! Priors against data: a prior that the matches contradict is released, and the camera estimated again without it.
 //!
-//! A prior that is wrong need not show in the residuals: attitudes that may stray follow the wrong camera (pixels of aspect 1.09 under
+//! A prior that is wrong need not show in the residuals: attitude errors, which are estimated, follow the wrong camera (pixels of aspect 1.09 under
 //! 1 ± 0.003 make σ_a 2.3 degrees of 0.01, and the aspect's own posterior hardly leaves its prior). So the estimate is made again
 //! with the prior wide, from where it was and from a closed form without it, and the evidences of the two are compared
-//! ([`crate::refine::evidence`]), in which a wide prior and straying attitudes both have their price.
+//! ([`crate::refine::evidence`]), in which a wide prior and attitude errors both have their price.
 //!
 //! Were the prior right, the evidence without it would exceed the evidence with it K times with a probability of at most 1 / K (the
 //! mean of the ratio over data of the narrower model is 1: Markov's inequality).
@@ -11,8 +11,8 @@
 use crate::{
     calibrate::departures::with_departure,
     calibrate::fisheye::with_fisheye,
-    calibrate::matter::{Matter, Refined, RefinementOptions},
-    calibrate::strays::with_stray_frame,
+    calibrate::outlier_frames::with_outlier_frame,
+    calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
     error::Error,
     geometry::{constraint::Constraint, parameters::PriorParameter},
     refine::{BundleOptions, DepartureKind, State},
@@ -25,18 +25,18 @@ use crate::{
 const RELEASE_ODDS: f64 = 1e3;
 /// Standardised distance between a prior's mean and what the data say, from which on the prior is given up where the evidence is
 /// not against it: 6 in 100,000 of a normal variable are beyond.
-const CONFLICT: f64 = 4.0;
+const MIN_CONFLICT_SIGMAS: f64 = 4.0;
 /// Distance, in deviations of both together, between a prior and what the data say without it, below which they do not contradict each
 /// other whatever the evidence says: then the other estimate is another minimum of the same model.
-const CONTRADICTED: f64 = 3.0;
+const MIN_CONTRADICTION_SIGMAS: f64 = 3.0;
 /// Gain (twice the logarithm of the odds) from which on another minimum is one, and not the same reached otherwise.
-const BETTER_MINIMUM: f64 = 2.0;
-/// Distance up to which a prior is not tried at all: its square is the gain where attitudes do not stray.
+const MIN_GAIN_OF_MINIMUM: f64 = 2.0;
+/// Distance up to which a prior is not tried at all: its square is the gain where there are no attitude errors.
 const SUSPECT_DISTANCE: f64 = 2.0;
 /// Most priors that are released one after the other.
-const MOST_RELEASED: usize = 4;
+const MAX_RELEASED: usize = 4;
 
-/// Deviation of ln(fy / fx) without its prior: pixels and resized pictures have ratios of a half to two.
+/// Standard deviation of ln(fy / fx) without its prior: pixels and resized pictures have ratios of a half to two.
 pub(super) const WIDE_LN_ASPECT: f64 = 0.5;
 /// Of the principal point, as a fraction of the width: cropped pictures.
 const WIDE_PRINCIPAL_POINT: f64 = 0.5;
@@ -57,10 +57,10 @@ const DECENTRING: usize = 7;
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other: where nothing better is found the refinement stands.
-pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined, Error> {
+pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refined: Refined) -> Result<Refined, Error> {
     let asked = refined.options.bundle.clone();
     let mut changed = false;
-    for _ in 0..MOST_RELEASED {
+    for _ in 0..MAX_RELEASED {
         let mut best: Option<(f64, Refined)> = None;
         let mut offer = |found: Option<(f64, Refined)>| {
             if let Some((gain, other)) = found
@@ -74,13 +74,13 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
             if numbers[0] >= DECENTRING && refined.fisheye.is_some() {
                 continue;
             }
-            offer(without_prior(matter, &refined, numbers)?);
+            offer(without_prior(input, &refined, numbers)?);
         }
         let needed = 2.0 * RELEASE_ODDS.ln();
-        offer(with_fisheye(matter, &refined, needed)?);
-        offer(with_stray_frame(matter, &refined, needed)?);
+        offer(with_fisheye(input, &refined, needed)?);
+        offer(with_outlier_frame(input, &refined, needed)?);
         for kind in DepartureKind::ALL {
-            offer(with_departure(matter, &refined, kind, needed)?);
+            offer(with_departure(input, &refined, kind, needed)?);
         }
         match best {
             Some((_, without)) => (refined, changed) = (without, true),
@@ -94,34 +94,38 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
     let mut options = refined.options.clone();
     options.bundle = options.bundle.as_thorough_as(&asked);
     let starts = vec![refined.joint.bundle.state.clone()];
-    matter.refined_again(&refined, refined.solution.clone(), options, starts)
+    input.refined_again(&refined, refined.solution.clone(), options, starts)
 }
 
 /// The refinement without the priors of some numbers, where the tracks contradict them; with it twice the logarithm of the odds.
-fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> Result<Option<(f64, Refined)>, Error> {
+fn without_prior(
+    input: &RefinementInput<'_>,
+    refined: &Refined,
+    numbers: &[usize],
+) -> Result<Option<(f64, Refined)>, Error> {
     let Some(options) = released(&refined.options, refined, numbers) else { return Ok(None) };
     let unknowns = &refined.options.bundle.cameras[0];
     let distance = numbers.iter().filter_map(|&n| refined.joint.prior_conflict(unknowns, n)).fold(0.0, f64::max);
-    // What is held has no distance, and an aspect ratio hides in attitudes that stray; the principal point and the lens do not.
+    // What is held has no distance, and an aspect ratio hides in attitude errors; the principal point and the lens do not.
     let hides = matches!(numbers, [ASPECT] | [SKEW]);
     if distance < SUSPECT_DISTANCE && !hides {
         return Ok(None);
     }
     let mut starts: Vec<State> = vec![refined.joint.bundle.state.clone()];
-    let closed_form = solve_camera_until(&matter.motions, &options.frame, &options.camera, matter.observer).ok();
-    matter.observer.go_on()?;
+    let closed_form = solve_camera_until(&input.motions, &options.frame, &options.camera, input.observer).ok();
+    input.observer.go_on()?;
     // The closed form knows the lens of Brown and Conrady alone.
     // And it knows the views of motions alone.
-    let same_views = refined.joint.views.len() == matter.views.len();
+    let same_views = refined.joint.views.len() == input.views.len();
     let usual_lens = closed_form.as_ref().filter(|_| refined.fisheye.is_none() && same_views);
-    starts.extend(usual_lens.and_then(|solution| matter.start(solution, 1.0)));
+    starts.extend(usual_lens.and_then(|solution| input.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());
-    let Some(mut without) = matter.tried(refined, solution, options, starts)? else { return Ok(None) };
-    let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
+    let Some(mut without) = input.tried(refined, solution, options, starts)? else { return Ok(None) };
+    let needed = if distance > MIN_CONFLICT_SIGMAS { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
     let Some(gain) = without.gain_over(refined, needed) else { return Ok(None) };
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
-    if found.iter().all(|c| c.deviations() < CONTRADICTED) {
-        return same_prior_from(matter, refined, &without);
+    if found.iter().all(|c| c.standardised_distance() < MIN_CONTRADICTION_SIGMAS) {
+        return same_prior_from(input, refined, &without);
     }
     without.conflicts.extend(found);
     Ok(Some((gain, without)))
@@ -129,7 +133,11 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
 
 /// The refinement with its priors as they are from where it came to without one of them, where that is better: it was another minimum,
 /// not the prior, that made the difference.
-fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) -> Result<Option<(f64, Refined)>, Error> {
+fn same_prior_from(
+    input: &RefinementInput<'_>,
+    refined: &Refined,
+    without: &Refined,
+) -> Result<Option<(f64, Refined)>, Error> {
     let mut start = without.joint.bundle.state.clone();
     // What is held was perhaps free there.
     let (unknowns, held_at) = (&refined.options.bundle.cameras[0], &refined.joint.bundle.cameras[0].state.numbers());
@@ -137,8 +145,8 @@ fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) ->
     let back = (0..numbers.len().min(held_at.len())).filter(|&n| !unknowns.is_free(n));
     start.cameras[0] = start.cameras[0].moved(back.map(|n| (n, held_at[n] - numbers[n])));
     let starts = vec![start];
-    let again = matter.tried(refined, refined.solution.clone(), refined.options.clone(), starts)?;
-    Ok(again.and_then(|again| Some((again.gain_over(refined, BETTER_MINIMUM)?, again))))
+    let again = input.tried(refined, refined.solution.clone(), refined.options.clone(), starts)?;
+    Ok(again.and_then(|again| Some((again.gain_over(refined, MIN_GAIN_OF_MINIMUM)?, again))))
 }
 
 /// The options with the priors of some numbers wide; `None`: there is nothing to release.

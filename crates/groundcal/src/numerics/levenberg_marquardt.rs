@@ -5,7 +5,7 @@
 //! multiplies the diagonal (Marquardt 1963), its factor follows the ratio of actual to predicted decrease (Nielsen 1999).
 //!
 //! Estimating equations g(x) = 0 whose weights depend on x are no gradient of a cost: of these every full step is taken
-//! ([`Descent::Undamped`]), and the cost says no more than whether the model is defined.
+//! ([`StepPolicy::Undamped`]), and the cost says no more than whether the model is defined.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -73,7 +73,7 @@ pub trait LeastSquares {
 
 /// Which steps are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Descent {
+pub enum StepPolicy {
     /// Those that lower the cost (Levenberg-Marquardt).
     #[default]
     Damped,
@@ -85,7 +85,7 @@ pub enum Descent {
 #[derive(Debug, Clone, Copy)]
 pub struct LmOptions {
     /// Which steps are taken.
-    pub descent: Descent,
+    pub descent: StepPolicy,
     /// Most steps tried.
     pub max_iterations: usize,
     /// Stop when the decrease predicted for the next step is below this fraction of the cost.
@@ -96,7 +96,7 @@ pub struct LmOptions {
 
 impl Default for LmOptions {
     fn default() -> Self {
-        Self { descent: Descent::Damped, max_iterations: 50, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 }
+        Self { descent: StepPolicy::Damped, max_iterations: 50, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 }
     }
 }
 
@@ -148,7 +148,7 @@ pub(crate) fn minimise_until<P: LeastSquares>(
 ) -> Option<LmOutput<P::State, P::Linearised>> {
     let mut state = start;
     let mut at = problem.linearise(&state)?;
-    let undamped = options.descent == Descent::Undamped;
+    let undamped = options.descent == StepPolicy::Undamped;
     let mut lambda = if undamped { 0.0 } else { 1e-6 };
     let mut growth = FIRST_GROWTH;
     let mut iterations = 0;
@@ -252,7 +252,7 @@ mod tests {
         assert!((out.state - DVector::from_element(2, 1.0)).norm() < 1e-8);
         assert_ne!(out.stop, StopReason::Stalled);
         // Full steps: two residuals of two unknowns are zero after two, over a hill.
-        let undamped = LmOptions { descent: Descent::Undamped, ..LmOptions::default() };
+        let undamped = LmOptions { descent: StepPolicy::Undamped, ..LmOptions::default() };
         let out = minimise(&Rosenbrock, start, &undamped).expect("defined");
         assert!((out.state - DVector::from_element(2, 1.0)).norm() < 1e-8 && out.iterations <= 4);
     }

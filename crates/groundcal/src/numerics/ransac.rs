@@ -126,7 +126,7 @@ pub fn required_trials(inliers: usize, n: usize, size: usize, confidence: f64) -
 
 /// Data on which models are compared: a share of good data of one half is then known to a third of a per cent. Of more data a random
 /// part serves, so that the time of a search does not grow without bound.
-const MOST_SCORED: usize = 20_000;
+const MAX_SCORED: usize = 20_000;
 
 /// Trials between two questions whether to stop.
 const TRIALS_BETWEEN_STOPS: usize = 16;
@@ -149,12 +149,12 @@ pub(crate) fn search_until<P: RobustProblem>(
     }
     let magsac = Magsac::new();
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-    // Scored in random order, so that a hopeless model shows early whatever the order of the data.
+    // Scored in random order, so that a wrong model shows early whatever the order of the data.
     let mut order: Vec<usize> = (0..n).collect();
     for i in (1..n).rev() {
         order.swap(i, rng.random_range(0..=i));
     }
-    let rest = order.split_off(n.min(MOST_SCORED));
+    let rest = order.split_off(n.min(MAX_SCORED));
     let score = |model: &P::Model, give_up: f64| -> Option<(f64, usize)> {
         let (mut cost, mut inliers) = (0.0, 0);
         for chunk in order.chunks(64) {
@@ -300,9 +300,9 @@ mod tests {
             line.1.get()
         };
         for good in [true, false] {
-            let (few, many) = (asked(2 * MOST_SCORED, good), asked(20 * MOST_SCORED, good));
+            let (few, many) = (asked(2 * MAX_SCORED, good), asked(20 * MAX_SCORED, good));
             // Beyond the trials, a few looks at each datum.
-            assert!(many < few + 20 * MOST_SCORED * 8, "{few}, {many}");
+            assert!(many < few + 20 * MAX_SCORED * 8, "{few}, {many}");
         }
     }
 

@@ -80,7 +80,7 @@ impl CircularPoint {
         })
     }
 
-    /// The covariance with an axis that strays from the normal: each view's attitude has an independent error of
+    /// The covariance with an axis that varies from the normal: each view's attitude has an independent error of
     /// `attitude_sigma_rad` about both axes across the normal, so H becomes K exp(δ) K⁻¹ H, δ with twice the variance.
     pub fn total_covariance(&self, k: &Intrinsics, attitude_sigma_rad: f64) -> Matrix4<f64> {
         let mut total = self.covariance;
@@ -157,9 +157,9 @@ pub struct MotionGeometry {
     /// Its standard deviation.
     pub rotation_sigma_rad: f64,
     /// ρ = 1 + n·t/d: 1 for a motion at constant height.
-    pub rho: f64,
+    pub height_ratio: f64,
     /// Its standard deviation.
-    pub rho_sigma: f64,
+    pub height_ratio_sigma: f64,
 }
 
 impl MotionGeometry {
@@ -230,15 +230,15 @@ fn geometry(h: &Matrix3<f64>, covariance: &HomographyCovariance) -> Result<Motio
     // d log λ = lᵀ δH e / (λ lᵀe): imaginary part the angle, real part the modulus.
     let d_log_lambda = outer(&l, &e) / (bilinear(&l, &e) * lambda);
     let d_angle = d_log_lambda.map(|z| z.im);
-    let d_log_rho = outer(&real_left, &real_right).map(|z| z.re)
+    let d_log_height_ratio = outer(&real_left, &real_right).map(|z| z.re)
         / (eigen.real_left.dot(&eigen.real_right) * eigen.real_value)
         - d_log_lambda.map(|z| z.re);
     let variance = |row: &SVector<f64, 9>| (row.transpose() * covariance * row)[(0, 0)].max(0.0);
     let rotation_rad = lambda.im.atan2(lambda.re);
     let rotation_sigma_rad = variance(&d_angle).sqrt();
     let modulus = lambda.norm();
-    let rho = eigen.real_value / modulus;
-    let rho_sigma = (variance(&d_log_rho)).sqrt() * rho.abs();
+    let height_ratio = eigen.real_value / modulus;
+    let height_ratio_sigma = (variance(&d_log_height_ratio)).sqrt() * height_ratio.abs();
     // sin θ over its deviation tells a turn from noise at both ends, 0 and 180 degrees.
     let significance = rotation_rad.sin() / rotation_sigma_rad.max(f64::MIN_POSITIVE);
     if significance.is_nan() || significance < MIN_SIGNIFICANCE {
@@ -274,8 +274,8 @@ fn geometry(h: &Matrix3<f64>, covariance: &HomographyCovariance) -> Result<Motio
         },
         rotation_rad,
         rotation_sigma_rad,
-        rho,
-        rho_sigma,
+        height_ratio,
+        height_ratio_sigma,
     })
 }
 
@@ -301,7 +301,7 @@ mod tests {
             let (k, h, n) = example(theta, t);
             let g = geometry(&h, &HomographyCovariance::from_diagonal_element(1e-20)).expect("a rotation");
             assert!((g.rotation_rad - theta).abs() < 1e-12);
-            assert!((g.rho - (1.0 + t.z)).abs() < 1e-12);
+            assert!((g.height_ratio - (1.0 + t.z)).abs() < 1e-12);
             let v = k.inverse_matrix().map(|x| Complex::new(x, 0.0)) * g.circular_point.point;
             assert!(bilinear(&v, &v).norm() < 1e-12);
             let horizon = g.circular_point.horizon().expect("a line");

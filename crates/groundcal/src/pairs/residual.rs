@@ -20,7 +20,7 @@ use crate::{
 
 /// A match that a homography between homogeneous frame coordinates explains, or not.
 pub(crate) trait PlaneMatch: Clone + Sync {
-    /// Deviation of each coordinate relative to that of the other matches.
+    /// Standard deviation of each coordinate relative to that of the other matches.
     fn sigma_px(&self) -> f64;
 
     /// How far the point moved in the image.

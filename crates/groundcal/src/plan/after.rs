@@ -10,9 +10,9 @@ use crate::{
 };
 
 /// Least noise a plan knows, pixels: exact matches are somebody's simulation.
-const LEAST_NOISE_PX: f64 = 1e-3;
+const MIN_NOISE_PX: f64 = 1e-3;
 /// Part of the floor that two pictures must share for their matches to tell anything: of a sliver nothing follows.
-const LEAST_SHARED: f64 = 0.05;
+const MIN_SHARED: f64 = 0.05;
 
 /// The covariance to start from.
 ///
@@ -50,7 +50,7 @@ pub fn noise_px(c: &Calibration) -> Option<f64> {
     let mut rms: Vec<f64> = c.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
     let factor = c.fit.refinement.as_ref().and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
     let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
-    (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(LEAST_NOISE_PX))
+    (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(MIN_NOISE_PX))
 }
 
 /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
@@ -63,7 +63,7 @@ pub fn points(c: &Calibration, planner: &Planner) -> Option<f64> {
             m.rotation_deg?.to_radians(),
         );
         let fraction = planner.shared_fraction(&spec);
-        (fraction > LEAST_SHARED && m.matches > 0).then_some(m.matches as f64 / fraction)
+        (fraction > MIN_SHARED && m.matches > 0).then_some(m.matches as f64 / fraction)
     };
     let mut all: Vec<f64> = c.motions.iter().filter(|m| m.used).filter_map(of).collect();
     (!all.is_empty()).then(|| median(&mut all).clamp(MIN_MATCHES, 1e6))

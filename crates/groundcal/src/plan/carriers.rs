@@ -23,7 +23,7 @@ const TURNS_DEG: [f64; 8] = [5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0];
 /// Largest of them unless said otherwise.
 pub const MAX_TURN_DEG: f64 = 60.0;
 /// Distance to which the floor can be matched, heights: it is seen under 6 degrees there.
-const REACH_HEIGHTS: f64 = 10.0;
+const MAX_DISTANCE_HEIGHTS: f64 = 10.0;
 
 /// How a camera can move, in metres and degrees. Every tilt may be combined with every roll and every turn.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -68,7 +68,7 @@ impl Carrier {
         }
     }
 
-    /// How far its height strays between views, relative standard deviation.
+    /// How far its height varies between views, relative standard deviation.
     pub fn height_sigma(self) -> f64 {
         match self {
             Carrier::Drone => 0.02,
@@ -96,7 +96,7 @@ impl Carrier {
             turns_deg: turns_up_to_deg(MAX_TURN_DEG),
             height_m,
             axis_offset_m,
-            reach_m: REACH_HEIGHTS * height_m,
+            reach_m: MAX_DISTANCE_HEIGHTS * height_m,
         }
     }
 }

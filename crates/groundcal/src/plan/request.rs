@@ -64,7 +64,7 @@ pub struct PlanRequest {
     pub lens: LensModel,
     /// How far the camera pitches and rolls by itself between views, standard deviation in degrees.
     pub attitude_sigma_deg: Option<f64>,
-    /// How far its height strays, relative standard deviation.
+    /// How far its height varies, relative standard deviation.
     pub height_sigma: Option<f64>,
 }
 

@@ -21,13 +21,13 @@ use crate::{
         lens::{Lens, MAX_LENS_PARAMETERS},
         parameters::Parameter,
     },
-    numerics::levenberg_marquardt::{Descent, LmOptions},
+    numerics::levenberg_marquardt::{LmOptions, StepPolicy},
 };
 
 /// Numbers of a camera matrix.
 pub const MATRIX: usize = INTRINSIC_NAMES.len();
 /// Most numbers a camera's block has.
-pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
+pub const MAX_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
 /// Numbers of a rig pose.
 pub const RIG_POSE: usize = 6;
 /// Numbers of an attitude group.
@@ -42,7 +42,7 @@ pub const DEPARTURES: usize = 4;
 pub(crate) const GROUP_HEIGHT: usize = 2;
 /// Place of the heading among the numbers of a frame.
 pub(crate) const FRAME_YAW: usize = 2;
-/// Place of the height's deviation among the numbers of a frame.
+/// Place of the height error among the numbers of a frame.
 pub(crate) const FRAME_HEIGHT: usize = 5;
 
 /// ln fx, ln fy/fx, cx, cy, skew in frame units.
@@ -333,9 +333,9 @@ impl CameraUnknowns {
     }
 }
 
-/// Deviation, about each axis, of the attitude of a frame that strayed from the others': a tripod leg that slipped, a head knocked, a
+/// Standard deviation, about each axis, of the attitude error of an outlier frame: a tripod leg that slipped, a head knocked, a
 /// pair of another attitude.
-pub const STRAY_SIGMA_RAD: f64 = 0.05;
+pub const OUTLIER_ATTITUDE_SIGMA_RAD: f64 = 0.05;
 
 /// Options of the joint refinement.
 #[derive(Debug, Clone)]
@@ -349,8 +349,8 @@ pub struct BundleOptions {
     pub attitude_scale_rad: f64,
     /// σ_h, relative; `None`: estimated.
     pub height_sigma: Option<f64>,
-    /// Frames whose attitudes do not count among those that σ_a is of: they strayed by their own means, by up to [`STRAY_SIGMA_RAD`].
-    pub stray_frames: Vec<usize>,
+    /// Frames whose attitudes do not count among those that σ_a is of: outliers, whose errors have the standard deviation [`OUTLIER_ATTITUDE_SIGMA_RAD`].
+    pub outlier_frames: Vec<usize>,
     /// Somebody vouches that a camera taken to turn on the spot turns about its lens. Otherwise its covariance allows for a lens off the
     /// axis by what the residuals leave open ([`crate::refine::LeverArm`]).
     pub lens_on_axis: bool,
@@ -388,14 +388,14 @@ impl BundleOptions {
             attitude_sigma_rad: None,
             attitude_scale_rad: 0.1f64.to_radians(),
             height_sigma: None,
-            stray_frames: Vec::new(),
+            outlier_frames: Vec::new(),
             lens_on_axis: false,
             departures: Vec::new(),
             huber: Self::HUBER,
             rounds: 10,
             profile: true,
             lm: LmOptions {
-                descent: Descent::Damped,
+                descent: StepPolicy::Damped,
                 max_iterations: 60,
                 relative_cost_tolerance: 1e-7,
                 step_tolerance: 1e-13,

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! N is the number of degrees of freedom of a kind over its design effect, s² the variance of its residuals (profile likelihood of
-//! the noise); D are all numbers that have a prior: those of the cameras, and the deviations of the frames' attitudes and heights. C_D is
+//! the noise); D are all numbers that have a prior: those of the cameras, and the random_effects of the frames' attitudes and heights. C_D is
 //! their covariance given all, so that the determinants are the volume that the data leave over the volume that was allowed
 //! beforehand: a wide prior, or a large σ_a, has to earn its width. What has no prior is profiled, as in restricted likelihood.
 //! e is the mean likelihood of σ_a and σ_h over their own priors, over that of the values in force.
@@ -16,13 +16,13 @@ use crate::refine::{
 };
 
 /// Least variance of residuals, in units of the expected: below it there is no noise to speak of (the weights stop there too).
-const LEAST_VARIANCE: f64 = 0.04;
+const MIN_VARIANCE: f64 = 0.04;
 
 /// The parts of a model's evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
     /// -2 ln of the part of priors and variance components.
-    deviations: f64,
+    random_effects: f64,
     /// Degrees of freedom of each kind, and the variance of its residuals.
     residuals: [(f64, f64); KINDS],
     /// What neighbouring residuals have in common, for each kind.
@@ -42,16 +42,16 @@ impl Evidence {
     ) -> Option<Self> {
         let priors = problem.priors(state);
         let mut free = vec![true; problem.layout.size];
-        let mut deviations = -2.0 * components.log_evidence;
+        let mut random_effects = -2.0 * components.log_evidence;
         for (d, sigma) in &priors {
             free[d.column] = false;
-            deviations += (d.value / sigma).powi(2) + 2.0 * sigma.ln();
+            random_effects += (d.value / sigma).powi(2) + 2.0 * sigma.ln();
         }
         // ln |C_D| = ln |information of the others| - ln |information of all|.
         let others: Vec<usize> = (0..free.len()).filter(|&column| free[column]).collect();
         let of_others = linearised.information.restricted(&others).cholesky(0.0)?.log_determinant();
-        deviations += factor.log_determinant() - of_others;
-        Some(Self { deviations, residuals, design_effects })
+        random_effects += factor.log_determinant() - of_others;
+        Some(Self { random_effects, residuals, design_effects })
     }
 
     /// By how much -2 ln E is smaller than another model's of the same tracks.
@@ -61,9 +61,9 @@ impl Evidence {
             let (_, before) = other.residuals[k];
             // What neighbours have in common under the other model and not under this one is what this one explains.
             let effect = self.design_effects[k];
-            let ln = |v: f64| v.max(LEAST_VARIANCE).ln();
+            let ln = |v: f64| v.max(MIN_VARIANCE).ln();
             count / effect * (ln(before) - ln(variance))
         };
-        other.deviations - self.deviations + (0..KINDS).map(of_kind).sum::<f64>()
+        other.random_effects - self.random_effects + (0..KINDS).map(of_kind).sum::<f64>()
     }
 }

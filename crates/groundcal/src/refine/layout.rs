@@ -80,7 +80,7 @@ pub struct Layout {
 }
 
 /// What a problem is made of.
-pub struct Ingredients<'a> {
+pub struct ProblemInputs<'a> {
     /// Floor or directions.
     pub scene: SceneModel,
     /// Points.
@@ -89,11 +89,11 @@ pub struct Ingredients<'a> {
     pub state: &'a State,
     /// What of the cameras is estimated.
     pub cameras: &'a [CameraUnknowns],
-    /// Frames whose attitudes strayed.
-    pub stray_frames: &'a [usize],
+    /// Frames whose attitude errors are outliers.
+    pub outlier_frames: &'a [usize],
     /// What of the frames' departures is estimated.
     pub departures: &'a [DepartureKind],
-    /// Deviation of residuals beyond which they count less.
+    /// Standard deviation of residuals beyond which they count less.
     pub huber: f64,
 }
 
@@ -103,7 +103,7 @@ pub fn components_of(frames: usize, tracks: &[Track]) -> Vec<usize> {
 }
 
 /// Frames of each component in breadth-first order, their groups after them, rig and cameras last: neighbours stay near the diagonal.
-pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
+pub(crate) fn build_layout(i: &ProblemInputs<'_>) -> Layout {
     let group_of: Vec<usize> = i.state.frames.iter().map(|f| f.group).collect();
     let count = group_of.len();
     let component_of_frame = components_of(count, i.tracks);
@@ -149,11 +149,11 @@ pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
         // Directions have no up of their own: unless two frames share an attitude, any rotation of the world will do.
         let has_axis = floor || order.iter().any(|&v| shared(v));
         for &v in &order {
-            let (strays, moves) = (shared(v), v != root);
+            let (has_error, moves) = (shared(v), v != root);
             // What has a group of its own has no height over that of the group.
-            let height = floor && strays && (moves || !is_unit);
+            let height = floor && has_error && (moves || !is_unit);
             let mut free = [false; FRAME];
-            free[..FRAME_POSE].copy_from_slice(&[strays, strays, moves, floor && moves, floor && moves, height]);
+            free[..FRAME_POSE].copy_from_slice(&[has_error, has_error, moves, floor && moves, floor && moves, height]);
             i.departures.iter().for_each(|d| free[d.numbers()].fill(true));
             layout.frames[v] = Block::at(&mut layout.size, free);
         }
@@ -202,7 +202,7 @@ pub(crate) struct Cluster {
     pub(crate) places: Vec<ObservationPlaces>,
 }
 
-pub(crate) fn cluster(i: &Ingredients<'_>, layout: &Layout) -> Vec<Cluster> {
+pub(crate) fn cluster_tracks(i: &ProblemInputs<'_>, layout: &Layout) -> Vec<Cluster> {
     let mut by_images: BTreeMap<Vec<(usize, usize)>, Vec<usize>> = BTreeMap::new();
     for (t, track) in i.tracks.iter().enumerate() {
         by_images.entry(track.observations.iter().map(|o| (o.frame, o.camera)).collect()).or_default().push(t);
@@ -248,7 +248,7 @@ pub(crate) fn cluster(i: &Ingredients<'_>, layout: &Layout) -> Vec<Cluster> {
 }
 
 impl Layout {
-    /// The column of the height's deviation of a frame.
+    /// The column of the height error of a frame.
     pub(crate) fn height_column(&self, frame: usize) -> Option<usize> {
         self.frames[frame].column(FRAME_HEIGHT)
     }

@@ -5,7 +5,7 @@
 //!          + Σ_f |δ_f|² / σ_a²  +  Σ_f (ln h_f - ln h_g)² / σ_h²  +  Σ_i (p_i - p̄_i)² / σ_i²
 //! ```
 //!
-//! with π of [`residual`], Huber's ρ, Λ the inverse covariance of an observation. σ_a, how far each frame's attitude strays from
+//! with π of [`residual`], Huber's ρ, Λ the inverse covariance of an observation. σ_a, the attitude error of each frame against
 //! that of its group, and σ_h, how far its height does, are variance components: 0 for exact plane-normal motion at constant
 //! height (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood.

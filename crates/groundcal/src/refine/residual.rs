@@ -23,7 +23,7 @@ use crate::geometry::{
 };
 use crate::refine::blocks::{
     CameraState, DEPARTURES, Departure, FRAME_POSE, FRAME_YAW, FrameState, GROUP, GroupState, MATRIX,
-    MOST_CAMERA_NUMBERS, RIG_POSE, RigPose, rotation_x, rotation_y,
+    MAX_CAMERA_NUMBERS, RIG_POSE, RigPose, rotation_x, rotation_y,
 };
 
 /// What the points are.
@@ -191,7 +191,7 @@ pub struct Projection {
     /// Where the point is seen.
     pub pixel: Vector2<f64>,
     /// By the camera; columns beyond its numbers are zero.
-    pub by_camera: SMatrix<f64, 2, MOST_CAMERA_NUMBERS>,
+    pub by_camera: SMatrix<f64, 2, MAX_CAMERA_NUMBERS>,
     /// By the group.
     pub by_group: SMatrix<f64, 2, GROUP>,
     /// By the frame's pose.
@@ -267,8 +267,8 @@ fn derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>) -> Option<P
 }
 
 #[inline(always)]
-fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
-    let mut j = SMatrix::<f64, 2, MOST_CAMERA_NUMBERS>::zeros();
+fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatrix<f64, 2, MAX_CAMERA_NUMBERS> {
+    let mut j = SMatrix::<f64, 2, MAX_CAMERA_NUMBERS>::zeros();
     let d = &seen.point;
     let fy_part = linear[(1, 1)] * d.y;
     // ln fx moves fy too; both move the pixel in proportion, the skew apart.

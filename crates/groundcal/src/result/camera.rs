@@ -205,7 +205,7 @@ pub struct PriorConflict {
 
 impl PriorConflict {
     /// Standard deviations, of both together, between the prior and what the images say.
-    pub fn deviations(&self) -> f64 {
+    pub fn standardised_distance(&self) -> f64 {
         (self.found - self.mean).abs() / self.sigma.hypot(self.found_sigma)
     }
 }

@@ -14,17 +14,19 @@ pub struct MotionReport {
     /// Whether it takes part in the camera as a motion.
     pub used: bool,
     /// Whether its matches take part because both images, of different attitudes, see the same floor.
-    #[serde(default)]
-    pub tie: bool,
+    #[serde(default, alias = "tie")]
+    pub cross_attitude_link: bool,
     /// Turn of the camera from the first to the second image, counter-clockwise seen from above, in degrees; unsigned for
     /// a motion not used; `None` without a homography.
     pub rotation_deg: Option<f64>,
     /// Its standard deviation in degrees.
     pub rotation_sigma_deg: Option<f64>,
     /// Height ratio: 1 for a motion at constant height above the floor.
-    pub rho: Option<f64>,
+    #[serde(alias = "rho")]
+    pub height_ratio: Option<f64>,
     /// Its standard deviation.
-    pub rho_sigma: Option<f64>,
+    #[serde(alias = "rho_sigma")]
+    pub height_ratio_sigma: Option<f64>,
     /// Matches that agree on one plane.
     #[serde(default)]
     pub matches: usize,

@@ -28,12 +28,12 @@ pub struct Motion {
     /// Circular point, angle, ρ.
     pub geometry: MotionGeometry,
     /// Where the matched points lie.
-    pub sides: Sides,
+    pub sides: HorizonSides,
 }
 
 /// Where the points of a motion lie with respect to the horizon that the motion implies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sides {
+pub enum HorizonSides {
     /// On one side: they can lie on a floor.
     One,
     /// On both: no floor is seen from above and below; they can only be far away, the camera turning on the spot.
@@ -147,7 +147,7 @@ pub(crate) fn group_attitudes_until(
     let weighted = weighted_points(motions, k, attitude_sigma_rad);
     let mut groups: Vec<AttitudeGroup> =
         connected_by_images(motions).into_iter().map(|members| join(members, &weighted, motions)).collect();
-    // From the best known to the worst, so that a vague group joins another instead of founding one.
+    // From the best known to the worst, so that a group of large covariance joins another instead of founding one.
     groups.sort_by(|a, b| {
         (a.fused.covariance.trace().total_cmp(&b.fused.covariance.trace())).then(a.members[0].cmp(&b.members[0]))
     });

@@ -318,7 +318,7 @@ pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f6
             };
             add(&mut signal, &conic_rows(e, e));
             if round == ROUNDS - 1 {
-                // What image noise alone would add to the matrix. (An axis that strays moves a point along the conic: that is
+                // What image noise alone would add to the matrix. (An axis that varies moves a point along the conic: that is
                 // information, not noise.)
                 let spread = Matrix4::from_diagonal_element(1e-18) + point.point.covariance;
                 if let Some(root) = spread.cholesky() {

@@ -1,7 +1,7 @@
 //! From plane-normal motions to the camera matrix with its covariance.
 //!
 //! Motions -> attitude groups -> weighted conic equations -> K (see [`crate::start::absolute_conic`]), repeated until the
-//! weights, which depend on K through the axis error, rest.
+//! weights, which depend on K through the axis error, no longer change.
 
 use nalgebra::SMatrix;
 
@@ -209,7 +209,7 @@ pub(crate) fn solve_camera_until(
     Ok(out)
 }
 
-/// Attitudes and degrees of freedom from which on the motions can tell how far the axis strays.
+/// Attitudes and degrees of freedom from which on the motions can tell how far the axis varies.
 const MIN_GROUPS_FOR_SIGMA: usize = 3;
 const MIN_DOF_FOR_SIGMA: usize = 4;
 

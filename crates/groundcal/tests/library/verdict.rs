@@ -136,7 +136,7 @@ fn motions_about_axes_far_off_the_normal_are_no_answer() {
         // Some come right once the two worst of the ten are left out; the others are refused for what is wrong with them.
         if let Err(error) = calibrated(0.25, seed) {
             assert!(
-                error.is_degenerate() && error.to_string().contains("its attitude would stray by"),
+                error.is_degenerate() && error.to_string().contains("its attitude would vary by"),
                 "{seed}: {error}"
             );
             refused += 1;

@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use crate::{
     calibrate::{
         attitude::Attitude,
-        joint::Joint,
+        joint::JointSolution,
         setup::{Setup, ViewGroups, starting_camera},
         views::Views,
     },
@@ -48,7 +48,7 @@ const MAX_ROTATION_VARIANCE: f64 = 100.0;
 
 /// A refinement with what it was made from.
 pub(super) struct Refined {
-    pub(super) joint: Joint,
+    pub(super) joint: JointSolution,
     /// The closed-form solution it started from, whose groups its attitudes count in.
     pub(super) solution: CameraSolution,
     /// Options in force: those asked for, with some priors released.
@@ -61,13 +61,13 @@ pub(super) struct Refined {
     pub(super) fisheye: Option<f64>,
 }
 
-/// Deviation of attitudes, radians, from which on it is asked what else may have made them stray: a camera that stands still strays by a
+/// Standard deviation of attitudes, radians, from which on it is asked what else may have caused their errors: a camera that stands still has attitude errors of a
 /// hundredth of a degree.
 const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
 
 impl Refined {
-    /// Whether the attitudes stray by more than those of a camera that stands still.
-    pub(super) fn attitudes_stray(&self) -> bool {
+    /// Whether the attitude errors are larger than those of a camera that stands still.
+    pub(super) fn has_attitude_errors(&self) -> bool {
         self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
     }
 
@@ -82,7 +82,7 @@ impl Refined {
 }
 
 /// What is refined: the matches of the motions selected.
-pub(super) struct Matter<'a> {
+pub(super) struct RefinementInput<'a> {
     pub(super) pairs: &'a [PairObservation],
     pub(super) motions: Vec<Motion>,
     pub(super) observer: &'a dyn Observer,
@@ -96,7 +96,7 @@ pub(super) struct Matter<'a> {
     pub(super) scene: SceneModel,
 }
 
-impl<'a> Matter<'a> {
+impl<'a> RefinementInput<'a> {
     pub(super) fn new(
         pairs: &'a [PairObservation],
         selection: &Selection,
@@ -149,7 +149,12 @@ impl<'a> Matter<'a> {
         state_from_links(self.scene, camera, &k, &attitudes, &self.group_of_view, &self.setup.links)
     }
 
-    pub(super) fn refined(&self, mut joint: Joint, solution: CameraSolution, options: RefinementOptions) -> Refined {
+    pub(super) fn refined(
+        &self,
+        mut joint: JointSolution,
+        solution: CameraSolution,
+        options: RefinementOptions,
+    ) -> Refined {
         joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
         Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new(), fisheye: None }
     }
@@ -258,7 +263,7 @@ pub(super) fn adjusted(
     mut starts: Vec<State>,
     options: &RefinementOptions,
     observer: &dyn Observer,
-) -> Result<Joint, Error> {
+) -> Result<JointSolution, Error> {
     if starts.is_empty() {
         return Err(Error::Numerical {
             stage: "joint refinement",
@@ -279,5 +284,5 @@ pub(super) fn adjusted(
             remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
         });
     }
-    Ok(Joint::new(bundle, setup.tracks, views, &options.frame))
+    Ok(JointSolution::new(bundle, setup.tracks, views, &options.frame))
 }
