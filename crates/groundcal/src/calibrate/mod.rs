@@ -52,9 +52,15 @@ use crate::{
     vision::image::GrayImage,
 };
 
-pub use crate::observer::{Observer, Silent, Stage};
+pub use crate::observer::Observer;
+pub use crate::observer::Silent;
+pub use crate::observer::Stage;
 pub use crate::pairs::pair_lens::RadialCorrection;
-pub use options::{HomographyFit, LensModel, Method, MotionModel, Options};
+pub use options::HomographyFit;
+pub use options::LensModel;
+pub use options::Method;
+pub use options::MotionModel;
+pub use options::Options;
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom. What stands still in all of them is set aside
 /// before (see [`crate::vision::still`]); the observer hears of it, and the calibration has it among its warnings.

@@ -33,7 +33,7 @@ pub struct BasePose {
 }
 
 /// What odometry of wheels errs by over the way driven, and how many equations' worth of trust that has.
-pub const PRIOR_NOISE: f64 = 0.01;
+pub(crate) const PRIOR_NOISE: f64 = 0.01;
 const PRIOR_EQUATIONS: f64 = 4.0;
 /// A camera sits within this of the base's origin, one standard deviation in metres.
 const MOUNT_SIGMA_M: f64 = 10.0;

@@ -25,7 +25,7 @@ use crate::{
 /// Cells along the longer side of the image.
 pub const CELLS: usize = 16;
 /// Most cells along it: beyond that nothing new is seen.
-pub const MAX_CELLS: usize = 200;
+pub(crate) const MAX_CELLS: usize = 200;
 
 const NUMBERS: usize = Parameter::ALL.len();
 const POSE: usize = ViewParameter::OF_POSE.len();

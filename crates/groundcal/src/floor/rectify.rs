@@ -26,7 +26,7 @@ const PROBES: [usize; 2] = [32, 24];
 
 /// The resolution of views on the floor, in pixels for a unit of length: the median over pixels that see the floor within
 /// `max_distance` of the view's foot of the root of the area that a unit of floor has in the image. `None` when none sees it.
-pub fn source_resolution<'a>(
+pub(crate) fn source_resolution<'a>(
     views: impl IntoIterator<Item = &'a FloorView>,
     size: ImageSize,
     max_distance: f64,

@@ -43,7 +43,7 @@ pub struct Undistortion {
 /// Points on each side of the image that say how far the undistorted scene reaches.
 const BORDER_POINTS: usize = 64;
 /// Angle from the optical axis up to which a flat image is stretched over what a wide lens sees.
-pub const MAX_ANGLE_RAD: f64 = 80.0 / 180.0 * PI;
+pub(crate) const MAX_ANGLE_RAD: f64 = 80.0 / 180.0 * PI;
 /// Widest field of view that can be asked for.
 const MAX_FIELD_OF_VIEW_RAD: f64 = 175.0 / 180.0 * PI;
 

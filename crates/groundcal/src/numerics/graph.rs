@@ -22,7 +22,7 @@ pub fn components(count: usize, edges: impl IntoIterator<Item = (usize, usize)>)
 }
 
 /// The name of the component of most nodes, of [`components`]; of equal ones the first. `None` without nodes.
-pub fn largest_component(labels: &[usize]) -> Option<usize> {
+pub(crate) fn largest_component(labels: &[usize]) -> Option<usize> {
     let mut size = vec![0usize; labels.len()];
     for &label in labels {
         size[label] += 1;
@@ -32,7 +32,7 @@ pub fn largest_component(labels: &[usize]) -> Option<usize> {
 
 /// A node as [`spanning_forest`] reaches it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct TreeNode {
+pub(crate) struct TreeNode {
     /// The node.
     pub node: usize,
     /// The edge (its index) that leads to it, and the node it comes from; `None`: the first of its component.
@@ -41,7 +41,7 @@ pub struct TreeNode {
 
 /// All nodes in an order in which each but the first of its component is led to by an edge from one before: always the first edge
 /// of the list that leads on (Prim, where the list has the best edges first). Components come in the order of their first nodes.
-pub fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<TreeNode> {
+pub(crate) fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<TreeNode> {
     let mut found = vec![false; count];
     let mut at: Vec<Vec<usize>> = vec![Vec::new(); count];
     for (e, &(a, b)) in edges.iter().enumerate() {
@@ -73,7 +73,7 @@ pub fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<TreeNode> 
 }
 
 /// Nodes connected with the first, nearest first.
-pub fn breadth_first(neighbours: &[BTreeSet<usize>], first: usize) -> Vec<usize> {
+pub(crate) fn breadth_first(neighbours: &[BTreeSet<usize>], first: usize) -> Vec<usize> {
     let mut found = vec![false; neighbours.len()];
     found[first] = true;
     let mut queue = VecDeque::from([first]);

@@ -12,7 +12,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::observer::{Observer, Silent};
 
 /// Cost, gradient and Gauss-Newton matrix at a state.
-pub struct NormalEquations {
+pub(crate) struct NormalEquations {
     /// Half the weighted sum of squared residuals.
     pub cost: f64,
     /// Jᵀ W r.
@@ -22,7 +22,7 @@ pub struct NormalEquations {
 }
 
 /// A step that solves damped normal equations.
-pub struct DampedStep {
+pub(crate) struct DampedStep {
     /// In the tangent space of the state, less what was eliminated from the equations ([`Linearisation::completed`]).
     pub step: DVector<f64>,
     /// By how much the linearised problem says the cost falls.
@@ -30,7 +30,7 @@ pub struct DampedStep {
 }
 
 /// A problem linearised at a state.
-pub trait Linearisation {
+pub(crate) trait Linearisation {
     /// Half the weighted sum of squared residuals.
     fn cost(&self) -> f64;
     /// The step for a damping factor λ on the diagonal; `None` when the damped matrix is not positive definite.
@@ -58,7 +58,7 @@ impl Linearisation for NormalEquations {
 }
 
 /// What the loop asks of a problem.
-pub trait LeastSquares {
+pub(crate) trait LeastSquares {
     /// The unknowns.
     type State: Clone;
     /// Its linearised form.
@@ -114,7 +114,7 @@ pub enum StopReason {
 }
 
 /// The best state found and how it was reached.
-pub struct LmOutput<S, L> {
+pub(crate) struct LmOutput<S, L> {
     /// The best state.
     pub state: S,
     /// Half the weighted sum of squared residuals there.
@@ -131,7 +131,7 @@ pub struct LmOutput<S, L> {
 const FIRST_GROWTH: f64 = 2.0;
 
 /// Minimise; `None` only when the problem is undefined at the start.
-pub fn minimise<P: LeastSquares>(
+pub(crate) fn minimise<P: LeastSquares>(
     problem: &P,
     start: P::State,
     options: &LmOptions,

@@ -13,10 +13,7 @@
 use nalgebra::{Complex, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use crate::{
-    geometry::{
-        homography::{Homography, HomographyCovariance},
-        intrinsics::Intrinsics,
-    },
+    geometry::{homography::HomographyCovariance, intrinsics::Intrinsics},
     numerics::linalg::{ComplexPoint, bilinear, complex_cross, complex_pair_eigen, cross_matrix, rows_of, to_complex},
     pairs::refine::HomographyEstimate,
 };
@@ -82,7 +79,7 @@ impl CircularPoint {
 
     /// The covariance with an axis that varies from the normal: each view's attitude has an independent error of
     /// `attitude_sigma_rad` about both axes across the normal, so H becomes K exp(δ) K⁻¹ H, δ with twice the variance.
-    pub fn total_covariance(&self, k: &Intrinsics, attitude_sigma_rad: f64) -> Matrix4<f64> {
+    pub(crate) fn total_covariance(&self, k: &Intrinsics, attitude_sigma_rad: f64) -> Matrix4<f64> {
         let mut total = self.covariance;
         if let (Some(s), true) = (&self.sensitivity, attitude_sigma_rad > 0.0) {
             let (km, ki) = (k.matrix(), k.inverse_matrix());
@@ -103,7 +100,7 @@ impl CircularPoint {
     }
 
     /// The point with the sign of the imaginary parts turned: its conjugate, covariance along.
-    pub fn conjugate(&self) -> Self {
+    pub(crate) fn conjugate(&self) -> Self {
         let flip = Matrix4::from_diagonal(&Vector4::new(1.0, -1.0, 1.0, -1.0));
         Self {
             point: self.point.map(|z| z.conj()),
@@ -115,12 +112,12 @@ impl CircularPoint {
     }
 
     /// The horizon l (l·x = 0, unit length, sign free): the real line through the point and its conjugate.
-    pub fn horizon(&self) -> Option<Vector3<f64>> {
+    pub(crate) fn horizon(&self) -> Option<Vector3<f64>> {
         horizon_of(&self.point)
     }
 
     /// The tangent coordinates of another point close to this one, or of its conjugate, whichever is closer.
-    pub fn coordinates_of(&self, other: &ComplexPoint) -> Vector4<f64> {
+    pub(crate) fn coordinates_of(&self, other: &ComplexPoint) -> Vector4<f64> {
         let conjugate = other.map(|z| z.conj());
         let nearer =
             if self.point.dotc(other).norm() >= self.point.dotc(&conjugate).norm() { other } else { &conjugate };
@@ -164,7 +161,7 @@ pub struct MotionGeometry {
 
 impl MotionGeometry {
     /// The smaller of the fractions of points (homogeneous frame coordinates, third coordinate as that of their rays) on either side of the horizon: 0 to 0.5.
-    pub fn minor_side(&self, points: impl Iterator<Item = Vector3<f64>>) -> f64 {
+    pub(crate) fn minor_side(&self, points: impl Iterator<Item = Vector3<f64>>) -> f64 {
         let Some(l) = self.circular_point.horizon() else { return 0.0 };
         let (mut all, mut positive) = (0usize, 0usize);
         for p in points {
@@ -202,16 +199,6 @@ const MAX_DIRECTION_SIGMA: f64 = 0.3;
 /// The circular points of a homography with covariance.
 pub fn from_homography(estimate: &HomographyEstimate) -> Result<MotionGeometry, NoCircularPoint> {
     geometry(&estimate.in_frame, &estimate.covariance)
-}
-
-/// The circular points of a homography from elsewhere, without covariance: every motion then has the same weight, that of
-/// `sigma` in each of the nine entries of the unit-norm matrix in frame coordinates.
-pub fn from_bare_homography(
-    h: &Homography,
-    frame: &crate::geometry::frame::Frame,
-    sigma: f64,
-) -> Result<MotionGeometry, NoCircularPoint> {
-    geometry(&h.in_frame(frame), &HomographyCovariance::from_diagonal_element(sigma * sigma))
 }
 
 fn geometry(h: &Matrix3<f64>, covariance: &HomographyCovariance) -> Result<MotionGeometry, NoCircularPoint> {

@@ -22,7 +22,7 @@ use crate::{
         levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, StepPolicy, StopReason, minimise_until},
         linalg::{rows_of, sphere_tangent},
     },
-    observer::{Observer, Silent},
+    observer::Observer,
     pairs::{
         correspondence::PointMatch,
         placed_lens::PlacedLens,
@@ -50,7 +50,7 @@ pub(crate) fn coefficients(lens: &PlacedLens) -> [f64; 5] {
 
 /// Priors of the lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LensPrior {
+pub(crate) struct LensPrior {
     /// Standard deviation of k1 about 0.
     pub k1_sigma: f64,
     /// Standard deviation of k2 about 0.
@@ -67,7 +67,7 @@ impl LensPrior {
 
 /// The estimated lens.
 #[derive(Debug, Clone)]
-pub struct LensEstimate {
+pub(crate) struct LensEstimate {
     /// k1 and k2 through the reference focal length, and the centre.
     pub lens: PlacedLens,
     /// Covariance of (k1, k2, x0, y0), the centre in focal lengths.
@@ -85,13 +85,14 @@ const MAX_MATCHES: usize = 3000;
 
 /// Estimates the lens from the inliers of motions (pixels, distorted), starting at `start`, about whose centre the prior of the
 /// centre of distortion lies. `None` when nothing is determined or the lens folds over.
-pub fn estimate_lens(
+#[cfg(test)]
+pub(crate) fn estimate_lens(
     motions: &[&[PointMatch]],
     frame: &Frame,
     start: &PlacedLens,
     prior: &LensPrior,
 ) -> Option<LensEstimate> {
-    estimate_lens_until(motions, frame, start, prior, &Silent)
+    estimate_lens_until(motions, frame, start, prior, &crate::observer::Silent)
 }
 
 /// The same under an observer's eyes; `None` also when it says stop.

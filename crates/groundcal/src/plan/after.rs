@@ -32,7 +32,7 @@ pub fn start(c: &Calibration) -> Result<Start, Error> {
 }
 
 /// What was assumed, to be assumed again.
-pub fn options(c: &Calibration) -> Options {
+pub(crate) fn options(c: &Calibration) -> Options {
     let priors = c.priors.iter();
     Options {
         constraint: c.constraint,
@@ -46,7 +46,7 @@ pub fn options(c: &Calibration) -> Options {
 
 /// Noise of a coordinate: the residuals of the motions used, two coordinates of four being left over by the point, and what the
 /// refinement found them to be too small by.
-pub fn noise_px(c: &Calibration) -> Option<f64> {
+pub(crate) fn noise_px(c: &Calibration) -> Option<f64> {
     let mut rms: Vec<f64> = c.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
     let factor = c.fit.refinement.as_ref().and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
     let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
@@ -54,7 +54,7 @@ pub fn noise_px(c: &Calibration) -> Option<f64> {
 }
 
 /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
-pub fn points(c: &Calibration, planner: &Planner) -> Option<f64> {
+pub(crate) fn points(c: &Calibration, planner: &Planner) -> Option<f64> {
     let of = |m: &MotionReport| {
         let attitude = c.attitudes.get(m.attitude?)?;
         let spec = planner.motion(

@@ -6,7 +6,7 @@ use crate::{numerics::linalg::inverse_spd, refine::blocks::MAX_CAMERA_NUMBERS, s
 
 /// A symmetric matrix over the numbers of the camera's block in the joint refinement (ln fx, ln fy/fx, cx, cy, skew in frame units, then
 /// those of its lens); rows beyond its lens are zero.
-pub type CameraMatrix = SMatrix<f64, MAX_CAMERA_NUMBERS, MAX_CAMERA_NUMBERS>;
+pub(crate) type CameraMatrix = SMatrix<f64, MAX_CAMERA_NUMBERS, MAX_CAMERA_NUMBERS>;
 
 /// Which of these numbers the estimator frees.
 pub(super) type Free = [bool; MAX_CAMERA_NUMBERS];

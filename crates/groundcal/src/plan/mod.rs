@@ -37,7 +37,7 @@ use crate::{
     synthetic::points::MotionSpec,
 };
 
-pub use candidate::CameraMatrix;
+pub(crate) use candidate::CameraMatrix;
 use candidate::{Candidate, Free, inverse_free, ln_f_variance};
 use information::Setting;
 
@@ -84,7 +84,7 @@ pub type Start = Covariance<Parameter>;
 /// Relative standard deviation of heights taken where none is given: that of a tripod or a robot on a floor.
 pub const HEIGHT_SIGMA: f64 = 1e-3;
 /// Fewest matches of a motion, as in the calibration of images.
-pub const MIN_MATCHES: f64 = 15.0;
+pub(crate) const MIN_MATCHES: f64 = 15.0;
 /// Least part of the first image's floor that the second must show.
 const MIN_OVERLAP: f64 = 0.5;
 /// Smallest turn worth planning, and distance from 180 degrees.

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Attitude error where nothing is said, degrees: what the calibration takes until the motions tell it.
-pub const ATTITUDE_SIGMA_DEG: f64 = 0.1;
+pub(crate) const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 /// Strays up to which predictions were held against simulated calibrations (tests/library/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
 /// Strays that those simulations had, degrees.
@@ -63,7 +63,7 @@ pub struct Assumptions {
 
 impl PlanReport {
     /// The report of a plan made with these options, its warnings in the words of a front end.
-    pub fn new(rig: CarrierMotion, options: &PlanOptions, plan: Plan, wording: &dyn Wording) -> Self {
+    pub(crate) fn new(rig: CarrierMotion, options: &PlanOptions, plan: Plan, wording: &dyn Wording) -> Self {
         let k = &options.intrinsics;
         let attitude_sigma_deg = options.calibration.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG);
         let mut warnings = plan.warnings;

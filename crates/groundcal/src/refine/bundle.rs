@@ -31,7 +31,7 @@ impl JointCovariance {
     }
 
     /// Of all.
-    pub fn matrix(&self) -> &DMatrix<f64> {
+    pub(crate) fn matrix(&self) -> &DMatrix<f64> {
         &self.matrix
     }
 
@@ -41,18 +41,12 @@ impl JointCovariance {
     }
 
     /// How many of the first are the camera's.
-    pub fn camera_numbers(&self) -> usize {
+    pub(crate) fn camera_numbers(&self) -> usize {
         self.camera_numbers
     }
 
-    /// Of the camera's numbers.
-    pub fn camera(&self) -> DMatrix<f64> {
-        let n = self.camera_numbers;
-        self.matrix.view((0, 0), (n, n)).into_owned()
-    }
-
     /// Of the others.
-    pub fn without_camera(&self) -> DMatrix<f64> {
+    pub(crate) fn without_camera(&self) -> DMatrix<f64> {
         let (n, all) = (self.camera_numbers, self.matrix.nrows());
         self.matrix.view((n, n), (all - n, all - n)).into_owned()
     }

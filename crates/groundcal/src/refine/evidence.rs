@@ -55,7 +55,7 @@ impl Evidence {
     }
 
     /// By how much -2 ln E is smaller than another model's of the same tracks.
-    pub fn gain_over(&self, other: &Self) -> f64 {
+    pub(crate) fn gain_over(&self, other: &Self) -> f64 {
         let of_kind = |k: usize| {
             let (count, variance) = self.residuals[k];
             let (_, before) = other.residuals[k];

@@ -15,9 +15,7 @@ use crate::{
 
 /// Where the numbers of a block stand: those that are estimated have columns one after the other.
 #[derive(Debug, Clone, Default)]
-pub struct Block {
-    /// Column of the first of them.
-    pub offset: usize,
+pub(crate) struct Block {
     /// How many they are.
     pub size: usize,
     columns: Vec<Option<usize>>,
@@ -26,12 +24,12 @@ pub struct Block {
 impl Block {
     /// A block of which nothing is estimated.
     fn held(numbers: usize) -> Self {
-        Self { offset: 0, size: 0, columns: vec![None; numbers] }
+        Self { size: 0, columns: vec![None; numbers] }
     }
 
     /// A block from a column on, which it moves on.
     fn at(next: &mut usize, free: impl IntoIterator<Item = bool>) -> Self {
-        let offset = *next;
+        let first = *next;
         let columns = free
             .into_iter()
             .map(|free| {
@@ -39,28 +37,28 @@ impl Block {
                 free.then(|| *next - 1)
             })
             .collect();
-        Self { offset, size: *next - offset, columns }
+        Self { size: *next - first, columns }
     }
 
     /// The column of a number; `None`: held, or without effect.
-    pub fn column(&self, number: usize) -> Option<usize> {
+    pub(crate) fn column(&self, number: usize) -> Option<usize> {
         self.columns.get(number).copied().flatten()
     }
 
     /// The columns of all numbers in their order.
-    pub fn columns(&self) -> &[Option<usize>] {
+    pub(crate) fn columns(&self) -> &[Option<usize>] {
         &self.columns
     }
 
     /// (number, column) of those that are estimated.
-    pub fn free(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    pub(crate) fn free(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.columns.iter().enumerate().filter_map(|(number, column)| Some((number, (*column)?)))
     }
 }
 
 /// The blocks of the reduced equations.
 #[derive(Debug, Clone)]
-pub struct Layout {
+pub(crate) struct Layout {
     /// Cameras.
     pub cameras: Vec<Block>,
     /// Their poses in the rig.
@@ -80,7 +78,7 @@ pub struct Layout {
 }
 
 /// What a problem is made of.
-pub struct ProblemInputs<'a> {
+pub(crate) struct ProblemInputs<'a> {
     /// Floor or directions.
     pub scene: SceneModel,
     /// Points.
@@ -98,7 +96,7 @@ pub struct ProblemInputs<'a> {
 }
 
 /// The component (set of frames that tracks connect) of each frame, named by its first.
-pub fn components_of(frames: usize, tracks: &[Track]) -> Vec<usize> {
+pub(crate) fn components_of(frames: usize, tracks: &[Track]) -> Vec<usize> {
     components(frames, tracks.iter().flat_map(|t| t.observations.windows(2).map(|w| (w[0].frame, w[1].frame))))
 }
 

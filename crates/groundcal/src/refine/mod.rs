@@ -34,12 +34,22 @@ pub mod tracks;
 pub mod variance_components;
 
 pub use adjust::adjust;
-pub use blocks::{
-    BundleOptions, CameraState, CameraUnknowns, Departure, DepartureKind, FrameState, GroupState, RigPose, State,
-};
-pub use bundle::{Bundle, CameraEstimate, GroupEstimate, JointCovariance, RigEstimate, ViewEstimate};
-pub use evidence::Evidence;
-pub use lever::LeverArm;
+pub use blocks::BundleOptions;
+pub use blocks::CameraState;
+pub use blocks::CameraUnknowns;
+pub use blocks::Departure;
+pub(crate) use blocks::DepartureKind;
+pub use blocks::FrameState;
+pub use blocks::GroupState;
+pub use blocks::RigPose;
+pub use blocks::State;
+pub use bundle::Bundle;
+pub(crate) use bundle::CameraEstimate;
+pub(crate) use bundle::GroupEstimate;
+pub(crate) use bundle::JointCovariance;
+pub(crate) use bundle::ViewEstimate;
 pub use residual::SceneModel;
-pub use tracks::{KINDS, Kind, Observation, Track};
-pub use variance_components::{Component, disagreement};
+pub use tracks::Kind;
+pub use tracks::Observation;
+pub use tracks::Track;
+pub(crate) use variance_components::disagreement;

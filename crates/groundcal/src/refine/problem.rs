@@ -51,7 +51,7 @@ pub(crate) struct RandomEffect {
 
 /// The problem.
 #[derive(Debug, Clone)]
-pub struct Problem {
+pub(crate) struct Problem {
     pub(crate) scene: SceneModel,
     pub(crate) prepared: Vec<Vec<PreparedObservation>>,
     pub(crate) clusters: Vec<Cluster>,
@@ -111,7 +111,7 @@ impl Views {
 
 impl Problem {
     /// Orders the unknowns and prepares the observations.
-    pub fn new(i: &ProblemInputs<'_>) -> Self {
+    pub(crate) fn new(i: &ProblemInputs<'_>) -> Self {
         let layout = build_layout(i);
         let prepared: Vec<Vec<PreparedObservation>> = i
             .tracks
@@ -171,12 +171,12 @@ impl Problem {
     }
 
     /// Observations.
-    pub fn observations(&self) -> usize {
+    pub(crate) fn observations(&self) -> usize {
         self.prepared.iter().map(Vec::len).sum()
     }
 
     /// Tracks.
-    pub fn tracks(&self) -> usize {
+    pub(crate) fn tracks(&self) -> usize {
         self.prepared.len()
     }
 

@@ -21,7 +21,7 @@ use crate::{
 
 /// A pair of views joined by a homography of the floor (or of directions) between ideal pixels.
 #[derive(Debug, Clone)]
-pub struct Link {
+pub(crate) struct Link {
     /// Index of the first view.
     pub from: usize,
     /// Index of the second view.
@@ -52,7 +52,7 @@ fn along_best(count: usize, links: &[Link]) -> Vec<TreeNode> {
 }
 
 /// The state: `attitudes` of the groups, `group_of_view` of the views. `None` when a link's homography fits no camera.
-pub fn state_from_links(
+pub(crate) fn state_from_links(
     scene: SceneModel,
     camera: CameraState,
     k_px: &Intrinsics,
@@ -172,7 +172,7 @@ fn stretch(floor: &Matrix3<f64>) -> f64 {
 /// How far a homography between two views is from one of the floor that both have a known attitude to: the sine of the angle
 /// between the normal it gives the second view and the known one, and by how much it stretches the floor. `None` when it fits no
 /// camera. `m` is K⁻¹ H K, `attitudes` level to camera rotations.
-pub fn floor_misfit(m: &Matrix3<f64>, attitudes: [&Matrix3<f64>; 2]) -> Option<f64> {
+pub(crate) fn floor_misfit(m: &Matrix3<f64>, attitudes: [&Matrix3<f64>; 2]) -> Option<f64> {
     let [a, b] = attitudes;
     let floor = m * floor_of(a);
     let (rotation, _) = pose_from_floor(&floor)?;
@@ -199,7 +199,7 @@ fn pose_from_floor(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
 
 /// Rotations of cameras that turn on the spot, from those of the first: camera from world coordinates, along the best links.
 /// `None` when the links do not connect all of them.
-pub fn rotations_from_links(
+pub(crate) fn rotations_from_links(
     first: Matrix3<f64>,
     count: usize,
     k_px: &Intrinsics,

@@ -41,10 +41,10 @@ const RELATIVE_TOLERANCE: f64 = 0.05;
 /// and more. (Of 740 answers of the bench with less 39 were wrong by more than 4 deviations, of 47 with more 10.)
 pub(crate) const MAX_ATTITUDE_SIGMA_RAD: f64 = 0.0436;
 /// Probability below which the attitudes' disagreement is not put down to chance.
-pub const DISAGREEMENT_P: f64 = 0.01;
+pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 
 /// By how much the variances grow because the attitudes disagree with a σ_a that was given.
-pub fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {
+pub(crate) fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {
     if chi_squared_survival(chi_squared, degrees_of_freedom) < DISAGREEMENT_P {
         chi_squared / degrees_of_freedom as f64
     } else {

@@ -23,7 +23,7 @@ const MIN_MISFIT_PX: f64 = 0.1;
 
 /// Of each of the calibration's motions; `None` for those that take no part. From its views and its evidence: without evidence (of a
 /// calibration that was read from a file) what [`MotionReport::diagnosis`] says of the residuals is kept.
-pub fn motions(c: &Calibration) -> Vec<Option<MotionDiagnosis>> {
+pub(crate) fn motions(c: &Calibration) -> Vec<Option<MotionDiagnosis>> {
     let numbers: Vec<(Option<f64>, Option<f64>)> =
         c.motions.iter().enumerate().map(|(i, m)| (joint_rms_px(c, i), apart_deg(c, m))).collect();
     let used = || (0..numbers.len()).filter(|&i| c.motions[i].used);

@@ -81,7 +81,7 @@ pub enum MotionVerdict {
 
 impl MotionVerdict {
     /// What was found, in words; `None`: nothing wrong.
-    pub fn finding(&self) -> Option<String> {
+    pub(crate) fn finding(&self) -> Option<String> {
         match self {
             MotionVerdict::NotJudged | MotionVerdict::Fits => None,
             MotionVerdict::Tilts { apart_deg, usual_deg } => Some(format!(
@@ -96,7 +96,7 @@ impl MotionVerdict {
     }
 
     /// What to do about it.
-    pub fn remedies(&self) -> Vec<Remedy> {
+    pub(crate) fn remedies(&self) -> Vec<Remedy> {
         match self {
             MotionVerdict::NotJudged | MotionVerdict::Fits | MotionVerdict::OffCamera { .. } => Vec::new(),
             MotionVerdict::Tilts { .. } => vec![Remedy::LeavePairOut, Remedy::RetakeMotion],

@@ -205,7 +205,7 @@ pub struct PrincipalPointDoubt {
 
 impl PrincipalPointDoubt {
     /// From the covariance of (fx, fy, cx, cy, ...) in pixels squared.
-    pub fn new(fx: f64, covariance: impl Fn(usize, usize) -> f64) -> Self {
+    pub(crate) fn new(fx: f64, covariance: impl Fn(usize, usize) -> f64) -> Self {
         let (xx, xy, yy) = (covariance(2, 2), covariance(2, 3), covariance(3, 3));
         let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
         let (y, x) = angle.sin_cos();
@@ -249,7 +249,7 @@ impl Warning {
     }
 
     /// What it means, with numbers.
-    pub fn finding(&self) -> String {
+    pub(crate) fn finding(&self) -> String {
         match self {
             Warning::DistortionNotModelled { pincushion_percent, barrel_percent } => {
                 let change =
@@ -347,7 +347,7 @@ impl Warning {
     }
 
     /// What to do about it: any of these.
-    pub fn remedies(&self) -> Vec<Remedy> {
+    pub(crate) fn remedies(&self) -> Vec<Remedy> {
         match self {
             Warning::DistortionNotModelled { .. } => vec![Remedy::EstimateLens, Remedy::GiveLensCoefficients],
             Warning::DistortionUncertain { .. } => {
@@ -473,7 +473,7 @@ pub struct WarningReport {
 
 impl WarningReport {
     /// Of a warning.
-    pub fn new(warning: &Warning, wording: &dyn Wording) -> Self {
+    pub(crate) fn new(warning: &Warning, wording: &dyn Wording) -> Self {
         Self {
             warning: warning.clone(),
             message: warning.message(wording),

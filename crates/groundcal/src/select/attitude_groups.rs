@@ -13,7 +13,7 @@ use crate::{
     geometry::intrinsics::Intrinsics,
     ids::ImageId,
     numerics::{graph::components, statistics::chi_squared_survival},
-    observer::{Observer, Silent},
+    observer::Observer,
     pairs::circular_points::{CircularPoint, MotionGeometry},
     start::absolute_conic::WeightedPoint,
 };
@@ -50,7 +50,7 @@ pub struct AttitudeGroup {
 }
 
 /// Squared distance beyond which two attitudes are different: 99.9 % of chi-squared with four degrees of freedom.
-pub const DIFFERENT_ATTITUDE: f64 = 18.467;
+pub(crate) const DIFFERENT_ATTITUDE: f64 = 18.467;
 
 /// A circular point in the tangent coordinates of another.
 struct Transferred {
@@ -97,7 +97,7 @@ fn in_tangent_of(base: &CircularPoint, other: &WeightedPoint) -> Option<Transfer
 
 /// Squared Mahalanobis distance between two circular points (four degrees of freedom); infinite for points far apart. A
 /// radial distortion of deviation `k1_sigma` moves both: only the difference of what it does to them counts.
-pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) -> f64 {
+pub(crate) fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) -> f64 {
     let Some(Transferred { coordinates: difference, covariance, by_k1 }) = in_tangent_of(&a.point, b) else {
         return f64::INFINITY;
     };
@@ -110,7 +110,7 @@ pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) ->
 }
 
 /// The groups again with another axis error; who belongs together stays.
-pub fn regroup(
+pub(crate) fn regroup(
     groups: &[AttitudeGroup],
     motions: &[Motion],
     k: &Intrinsics,
@@ -126,12 +126,6 @@ fn weighted_points(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) 
         covariance: m.geometry.circular_point.total_covariance(k, attitude_sigma_rad),
     };
     motions.iter().map(weighted).collect()
-}
-
-/// Joins motions that share an attitude, with axis errors of `attitude_sigma_rad` as seen by the camera `k` (frame units):
-/// those that share an image, since an image has one attitude, and those whose circular points agree.
-pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) -> Vec<AttitudeGroup> {
-    group_attitudes_until(motions, k, attitude_sigma_rad, &Silent).unwrap_or_default()
 }
 
 /// The same under an observer's eyes.
