@@ -3,10 +3,7 @@
 use std::{collections::BTreeSet, path::Path};
 
 use groundcal::{
-    floor::{
-        odometry::{camera_on_base, scale_of_all},
-        scale::{KnownDistance, with_floor_distance, with_uncertain_height},
-    },
+    floor::{KnownDistance, camera_on_base, scale_of_all, with_floor_distance, with_uncertain_height},
     result::{Calibration, CameraOnBase},
 };
 use groundcal_io::matches::read_odometry;

@@ -9,18 +9,13 @@ use std::path::Path;
 
 use groundcal::{
     calibrate::{LensModel, Method, Options, calibrate_matches},
-    floor::{
-        layout::{FloorLayout, Up, sets_of_one_world},
-        placed::placed,
-        undistort::{Fit, Undistortion},
-        view::FloorView,
-    },
-    geometry::{camera::Camera, camera_difference::camera_difference, size::ImageSize},
+    floor::{Fit, FloorLayout, FloorView, Undistortion, Up, placed, sets_of_one_world},
+    geometry::{Camera, ImageSize, camera_difference},
     observer::Silent,
-    plan::after,
+    plan::start_after,
     remedy::Plain,
     result::Calibration,
-    start::absolute_conic::Constraint,
+    start::Constraint,
 };
 use groundcal_io::{
     export,
@@ -108,10 +103,7 @@ fn cameras(path: &Path) -> Result<String, String> {
         }
     }
     let moved = Camera {
-        intrinsics: groundcal::geometry::intrinsics::Intrinsics {
-            fx: 1.01 * camera.intrinsics.fx,
-            ..camera.intrinsics
-        },
+        intrinsics: groundcal::geometry::Intrinsics { fx: 1.01 * camera.intrinsics.fx, ..camera.intrinsics },
         ..camera
     };
     match camera_difference(&camera, &moved) {
@@ -132,7 +124,7 @@ fn calibrations(path: &Path) -> Result<String, String> {
     written_is_read(&c);
     let mut text = format!("{} views {} motions", c.views.len().min(3), c.motions.len().min(3));
     let _ = export::render(&c, &[]).map_err(|e| text += &format!(" {e}"));
-    let _ = after::start(&c).map_err(|e| text += &format!(" {e}"));
+    let _ = start_after(&c).map_err(|e| text += &format!(" {e}"));
     match placed(&c, 1.0) {
         Err(e) => text += &format!(" {e}"),
         Ok(placed) => {

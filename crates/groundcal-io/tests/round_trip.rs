@@ -4,14 +4,12 @@
 
 use groundcal::{
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
-    floor::placed::placed,
-    geometry::{
-        attitude::rotation_cam_from_world, constraint::Constraint, intrinsics::Intrinsics, lens::Lens, size::ImageSize,
-    },
-    pairs::correspondence::ImagePair,
+    floor::placed,
+    geometry::{Constraint, ImageSize, Intrinsics, Lens, rotation_cam_from_world},
+    pairs::ImagePair,
     remedy::{Plain, Remedy, Wording},
-    result::{Calibration, Parameter, Scene, ViewParameter, evidence::Evidence},
-    synthetic::points::{PointScene, turning_pairs},
+    result::{Calibration, Evidence, Parameter, Scene, ViewParameter},
+    synthetic::{PointScene, turning_pairs},
 };
 use groundcal_io::{export::json, import::groundcal_json::parse};
 use nalgebra::Matrix3;

@@ -12,10 +12,10 @@ use std::{io::Cursor, path::PathBuf, process::ExitCode, time::Instant};
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
-    geometry::{attitude::up_in_camera, size::ImageSize},
-    numerics::statistics::median,
+    geometry::{ImageSize, up_in_camera},
+    numerics::median,
     result::{Calibration, Parameter},
-    start::absolute_conic::Constraint,
+    start::Constraint,
     vision::image::GrayImage,
 };
 use groundcal_lab::renderer::{

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 
 use groundcal::{
     error::Error,
-    geometry::frame::Frame,
-    select::attitude_groups::Motion,
-    start::linear_camera::{CameraOptions, CameraSolution, solve_camera},
+    geometry::Frame,
+    select::Motion,
+    start::{CameraOptions, CameraSolution, solve_camera},
 };
 
 /// One subset and its camera.
@@ -96,13 +96,10 @@ mod tests {
     use super::*;
     use crate::studies::figure4::{Condition, scene};
     use groundcal::{
-        numerics::statistics::spearman,
-        pairs::{
-            circular_points::from_homography,
-            refine::{RefineOptions, refine},
-        },
-        select::attitude_groups::HorizonSides,
-        start::absolute_conic::Constraint,
+        numerics::spearman,
+        pairs::{RefineOptions, from_homography, refine},
+        select::HorizonSides,
+        start::Constraint,
     };
 
     #[test]
@@ -159,7 +156,7 @@ mod tests {
         assert!(rank_subsets(&[], &frame, &options, 3).is_err());
     }
 
-    fn condition_size() -> groundcal::geometry::size::ImageSize {
+    fn condition_size() -> groundcal::geometry::ImageSize {
         scene(&Condition::default(), 0, 0).size
     }
 }

@@ -13,17 +13,11 @@ use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector4};
 
 use groundcal::{
     error::Error,
-    geometry::intrinsics::Intrinsics,
-    numerics::linalg::{ComplexPoint, symmetric_eigen},
-    pairs::{
-        circular_points::{CircularPoint, NoCircularPoint, from_homography},
-        refine::HomographyEstimate,
-    },
+    geometry::Intrinsics,
+    numerics::{ComplexPoint, symmetric_eigen},
+    pairs::{CircularPoint, HomographyEstimate, NoCircularPoint, from_homography},
     remedy::Remedy,
-    start::{
-        absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
-        linear_camera::what_is_uncertain,
-    },
+    start::{Constraint, Parameters, intrinsics_of, solve_unweighted, what_is_uncertain},
 };
 
 /// A camera from one motion and views it was transferred to.
@@ -173,9 +167,9 @@ fn propagate(
 mod tests {
     use super::*;
     use groundcal::{
-        geometry::frame::Frame,
-        pairs::refine::{RefineOptions, refine},
-        synthetic::points::{MotionSpec, PointScene},
+        geometry::Frame,
+        pairs::{RefineOptions, refine},
+        synthetic::{MotionSpec, PointScene},
     };
 
     /// One turn of 25 degrees, then views of other attitudes from other places.

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 
 use groundcal::{
     calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection},
-    geometry::{camera::Camera, constraint::Constraint, lens::Lens, size::ImageSize},
+    geometry::{Camera, Constraint, ImageSize, Lens},
     result::PriorParameter,
-    start::linear_camera::GivenPrior,
+    start::GivenPrior,
 };
 use groundcal_io::{
     import::read_camera,

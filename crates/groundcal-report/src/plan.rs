@@ -1,7 +1,7 @@
 //! A capture plan as a shot list and as a figure.
 
 use groundcal::{
-    plan::{PlannedMotion, Prediction, VarianceShares, report::PlanReport},
+    plan::{PlanReport, PlannedMotion, Prediction, VarianceShares},
     result::{Warning, WarningReport},
 };
 

@@ -2,12 +2,12 @@
 //! `verbose`, in the style of a statistics package, also the motions, the attitudes, the views, what was assumed and what was left out.
 
 use groundcal::{
-    geometry::lens::Lens,
-    numerics::statistics::NORMAL_95,
+    geometry::Lens,
+    numerics::NORMAL_95,
     remedy::Wording,
     result::{
         Calibration, CameraOnBase, LensSource, Method, MotionKind, MotionReport, Parameter, Scene, Verdict,
-        VerdictLevel, VerdictReason, judge::level_with,
+        VerdictLevel, VerdictReason, level_with,
     },
 };
 

@@ -4,11 +4,11 @@
 
 use groundcal::{
     calibrate::{Method, MotionModel, Options, Silent, calibrate_matches},
-    geometry::{attitude::rotation_cam_from_world, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    pairs::correspondence::ImagePair,
+    geometry::{ImageSize, Intrinsics, Lens, rotation_cam_from_world},
+    pairs::ImagePair,
     remedy::Plain,
-    result::{Calibration, Scene, Warning, judge::verdict_on},
-    synthetic::points::{MotionSpec, PointScene, turning_pairs},
+    result::{Calibration, Scene, Warning, verdict_on},
+    synthetic::{MotionSpec, PointScene, turning_pairs},
 };
 use groundcal_report::{
     html,

@@ -4,12 +4,10 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{
-        HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, earlier::priors_of,
-    },
-    geometry::{camera::Camera, lens::Lens, size::ImageSize},
+    calibrate::{HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, priors_of},
+    geometry::{Camera, ImageSize, Lens},
     result::{Calibration, Warning},
-    start::linear_camera::GivenPrior,
+    start::GivenPrior,
     vision::image::GrayImage,
 };
 use groundcal_io::{

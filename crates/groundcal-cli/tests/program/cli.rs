@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, path::Path, sync::OnceLock};
 
 use crate::common::*;
-use groundcal::synthetic::points::{MotionSpec, PointScene};
+use groundcal::synthetic::{MotionSpec, PointScene};
 use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},
     scene::{Camera, Group, Scene, View},

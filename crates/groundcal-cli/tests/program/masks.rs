@@ -7,7 +7,7 @@ use std::{
 
 use groundcal::{
     calibrate::{Observer, Options, Silent, calibrate_images, calibrate_matched_images},
-    pairs::correspondence::ImagePair,
+    pairs::ImagePair,
     result::{Calibration, Warning},
     vision::features::{detect, match_features},
 };

@@ -1,7 +1,7 @@
 //! `groundcal plan` from end to end.
 
 use crate::common::*;
-use groundcal::synthetic::points::{MotionSpec, PointScene};
+use groundcal::synthetic::{MotionSpec, PointScene};
 use serde_json::Value;
 use tempfile::tempdir;
 

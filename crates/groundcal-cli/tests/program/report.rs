@@ -4,7 +4,7 @@
 use std::{path::Path, process::Command, sync::OnceLock};
 
 use crate::common::*;
-use groundcal::synthetic::points::PointScene;
+use groundcal::synthetic::PointScene;
 use groundcal_lab::renderer::{
     render::Renderer,
     scene::{Boxes, Camera, FloorBox, Group, Scene, View},

@@ -218,7 +218,7 @@ fn short(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::size::ImageSize;
+    use groundcal::geometry::ImageSize;
 
     use super::*;
 

@@ -5,10 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use groundcal::result::{
-    Calibration, Covariance, Parameter,
-    calibration::{FORMAT_VERSION, SCHEMA_VERSION},
-};
+use groundcal::result::{Calibration, Covariance, FORMAT_VERSION, Parameter, SCHEMA_VERSION};
 
 use crate::{
     error::IoError,
@@ -223,8 +220,8 @@ fn covariance_of_parameters(c: &Calibration) -> Option<Covariance<Parameter>> {
 mod tests {
     use super::*;
     use groundcal::{
-        floor::placed::placed,
-        geometry::size::ImageSize,
+        floor::placed,
+        geometry::ImageSize,
         result::{LensSource, Method, Scene, Warning},
     };
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use groundcal::{geometry::size::ImageSize, pairs::correspondence::ImagePair};
+use groundcal::{geometry::ImageSize, pairs::ImagePair};
 
 use crate::note::Note;
 

@@ -6,7 +6,7 @@
 //!            points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{numerics::statistics::median, vision::image::GrayImage};
+use groundcal::{numerics::median, vision::image::GrayImage};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use crate::experiments::paths::edge_at;
@@ -69,7 +69,7 @@ fn fit(points: &[Vector2<f64>]) -> Option<(f64, Vec<f64>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::geometry::size::ImageSize;
+    use groundcal::geometry::ImageSize;
 
     #[test]
     fn the_ratio_of_half_an_ellipse_is_found() {

@@ -5,10 +5,10 @@ use std::fmt::Write;
 
 use groundcal::{
     error::Error,
-    floor::view::{FloorGrid, FloorView},
-    geometry::{plane_view::View, size::ImageSize},
+    floor::{FloorGrid, FloorView},
+    geometry::{ImageSize, View},
     result::Calibration,
-    start::absolute_conic::Constraint,
+    start::Constraint,
     vision::{
         image::GrayImage,
         resample::{Pyramid, Raster, resample},

@@ -5,7 +5,7 @@
 //! line:                              total least squares; points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{numerics::statistics::median, vision::image::GrayImage};
+use groundcal::{numerics::median, vision::image::GrayImage};
 use nalgebra::{Matrix2, Vector2};
 
 /// How far an edge is looked for on either side of where it is expected, and the step, pixels.
@@ -109,7 +109,7 @@ pub(crate) fn furthest_from_square_deg(lines: &[EdgeLine], across: &[EdgeLine]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::geometry::size::ImageSize;
+    use groundcal::geometry::ImageSize;
 
     /// A bright band across a grey picture, its two edges 2 degrees from parallel.
     #[test]

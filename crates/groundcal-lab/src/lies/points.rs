@@ -1,7 +1,7 @@
 //! Matches of a scene without pictures: points of the surfaces, found in each picture with noise, matched by identity, some of them
 //! wrongly. A point has one position in a picture, whichever pair it is matched in, as features have.
 
-use groundcal::pairs::correspondence::{ImagePair, PointMatch};
+use groundcal::pairs::{ImagePair, PointMatch};
 use nalgebra::{Vector2, Vector3};
 
 use crate::lies::{

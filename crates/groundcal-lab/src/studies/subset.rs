@@ -6,19 +6,13 @@ use crate::studies::{
     setting::Setting,
 };
 use crate::subsets::rank_subsets;
-use groundcal::synthetic::bound::{HeightModel, cramer_rao_bound};
+use groundcal::synthetic::{HeightModel, cramer_rao_bound};
 use groundcal::{
-    geometry::frame::Frame,
-    numerics::{linalg::ComplexPoint, statistics::spearman},
-    pairs::{
-        circular_points::from_homography,
-        refine::{RefineOptions, refine},
-    },
-    select::attitude_groups::{HorizonSides, Motion},
-    start::{
-        absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
-        linear_camera::CameraOptions,
-    },
+    geometry::Frame,
+    numerics::{ComplexPoint, spearman},
+    pairs::{RefineOptions, from_homography, refine},
+    select::{HorizonSides, Motion},
+    start::{CameraOptions, Constraint, intrinsics_of, solve_unweighted},
 };
 
 /// Motions of a scene.

@@ -2,8 +2,8 @@
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use groundcal::{
-    geometry::size::ImageSize,
-    result::evidence::Evidence,
+    geometry::ImageSize,
+    result::Evidence,
     vision::{
         image::GrayImage,
         resample::{Pyramid, Raster, Resampled, resample},

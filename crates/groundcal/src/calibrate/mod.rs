@@ -9,7 +9,7 @@ mod checks;
 mod copies;
 mod departures;
 mod driver;
-pub mod earlier;
+pub(crate) mod earlier;
 mod evidence;
 mod fisheye;
 mod general;
@@ -34,6 +34,8 @@ mod source;
 mod stage_options;
 mod turning;
 mod views;
+
+pub use earlier::priors_of;
 
 use nalgebra::{Complex, Vector3};
 

@@ -92,7 +92,7 @@ pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refin
     }
     // What was tried roughly and found better is now done with all care.
     let mut options = refined.options.clone();
-    options.bundle = options.bundle.as_thorough_as(&asked);
+    options.bundle = options.bundle.with_thoroughness_of(&asked);
     let starts = vec![refined.joint.bundle.state.clone()];
     input.refined_again(&refined, refined.solution.clone(), options, starts)
 }

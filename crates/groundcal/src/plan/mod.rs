@@ -10,13 +10,18 @@
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
-pub mod after;
+pub(crate) mod after;
 mod candidate;
-pub mod carriers;
+pub(crate) mod carriers;
 mod information;
-pub mod report;
-pub mod request;
+pub(crate) mod report;
+pub(crate) mod request;
 mod search;
+
+pub use after::start_after;
+pub use carriers::{Carrier, CarrierMotion};
+pub use report::{Assumptions, PlanReport};
+pub use request::{MAX_MOTIONS, PlanRequest, RequestError};
 
 use nalgebra::DMatrix;
 use serde::Serialize;

@@ -377,7 +377,7 @@ impl BundleOptions {
     }
 
     /// The same priors and freedoms with the pains of other options.
-    pub(crate) fn as_thorough_as(self, other: &Self) -> Self {
+    pub(crate) fn with_thoroughness_of(self, other: &Self) -> Self {
         Self { rounds: other.rounds, profile: other.profile, lm: other.lm, ..self }
     }
 

@@ -16,22 +16,25 @@
 //! `covariance` and `profile`.
 
 pub(crate) mod adjust;
-pub mod blocks;
-pub mod bundle;
+pub(crate) mod blocks;
+pub(crate) mod bundle;
 pub(crate) mod covariance;
-pub mod elimination;
+pub(crate) mod elimination;
 pub(crate) mod evidence;
-pub mod layout;
+pub(crate) mod layout;
 pub(crate) mod lever;
-pub mod problem;
+pub(crate) mod problem;
 pub(crate) mod profile;
 pub(crate) mod release;
-pub mod residual;
+pub(crate) mod residual;
 pub(crate) mod reweight;
 pub(crate) mod score;
-pub mod start;
-pub mod tracks;
-pub mod variance_components;
+pub(crate) mod start;
+pub(crate) mod tracks;
+pub(crate) mod variance_components;
+
+pub use bundle::RigEstimate;
+pub use variance_components::Component;
 
 pub use adjust::adjust;
 pub use blocks::BundleOptions;

@@ -16,19 +16,23 @@
 //! | [`verdict`], [`judge`] | whether to trust it |
 //! | [`evidence`] | what it was made from, point by point |
 
-pub mod calibration;
-pub mod camera;
-pub mod covariance;
-pub mod diagnosis;
-pub mod evidence;
-pub mod fit;
-pub mod judge;
-pub mod motions;
-pub mod on_base;
-pub mod projection;
-pub mod verdict;
-pub mod views;
-pub mod warning;
+pub(crate) mod calibration;
+pub(crate) mod camera;
+pub(crate) mod covariance;
+pub(crate) mod diagnosis;
+pub(crate) mod evidence;
+pub(crate) mod fit;
+pub(crate) mod judge;
+pub(crate) mod motions;
+pub(crate) mod on_base;
+pub(crate) mod projection;
+pub(crate) mod verdict;
+pub(crate) mod views;
+pub(crate) mod warning;
+
+pub use calibration::{FORMAT_VERSION, SCHEMA_VERSION};
+pub use evidence::{Evidence, MatchEvidence, ObservationEvidence, PairEvidence};
+pub use judge::{level_with, verdict_on, verdict_on_refusal};
 
 pub use crate::geometry::parameters::Parameter;
 pub use crate::geometry::parameters::PriorParameter;

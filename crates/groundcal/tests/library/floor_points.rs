@@ -4,19 +4,12 @@ use std::sync::OnceLock;
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    floor::{
-        points::{FloorPoint, MeasuringView},
-        scale::{KnownDistance, with_floor_distance},
-        view::FloorView,
-    },
-    geometry::{
-        intrinsics::Intrinsics,
-        lens::{Lens, Radtan},
-    },
-    pairs::correspondence::ImagePair,
+    floor::{FloorPoint, FloorView, KnownDistance, MeasuringView, with_floor_distance},
+    geometry::{Intrinsics, Lens, Radtan},
+    pairs::ImagePair,
     result::Calibration,
-    start::linear_camera::{GivenPrior, PriorParameter},
-    synthetic::points::PointScene,
+    start::{GivenPrior, PriorParameter},
+    synthetic::PointScene,
 };
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};

@@ -4,18 +4,12 @@
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{
-        attitude::{angles_from_rotation, attitude_rotation, yaw_rotation},
-        intrinsics::Intrinsics,
-        lens::{Lens, Radtan},
-        plane_view::View,
-        size::ImageSize,
-    },
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics, Lens, Radtan, View, angles_from_rotation, attitude_rotation, yaw_rotation},
+    pairs::{ImagePair, PointMatch},
     plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start},
     result::{Calibration, Parameter, PriorParameter, Warning},
-    start::absolute_conic::Constraint,
-    synthetic::points::{MotionSpec, PointScene},
+    start::Constraint,
+    synthetic::{MotionSpec, PointScene},
 };
 use nalgebra::{Rotation3, Vector3};
 use rand::SeedableRng;

@@ -3,10 +3,10 @@
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{intrinsics::Intrinsics, size::ImageSize},
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics},
+    pairs::{ImagePair, PointMatch},
     result::{Calibration, Parameter, PriorParameter, Warning},
-    synthetic::points::{MotionSpec, PointScene},
+    synthetic::{MotionSpec, PointScene},
 };
 use nalgebra::Vector2;
 

@@ -3,25 +3,16 @@
 use groundcal::{
     calibrate::{LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{
-        attitude::{attitude_rotation, rotation_cam_from_world},
-        frame::Frame,
-        intrinsics::Intrinsics,
-        lens::Lens,
-        size::ImageSize,
-    },
-    numerics::levenberg_marquardt::LmOptions,
-    pairs::correspondence::ImagePair,
+    geometry::{Frame, ImageSize, Intrinsics, Lens, attitude_rotation, rotation_cam_from_world},
+    numerics::LmOptions,
+    pairs::ImagePair,
     refine::{
         BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
         Track, adjust,
     },
     result::Calibration,
-    start::absolute_conic::Constraint,
-    synthetic::{
-        bound::{HeightModel, cramer_rao_bound},
-        points::{MotionSpec, PointScene, turning_pairs},
-    },
+    start::Constraint,
+    synthetic::{HeightModel, MotionSpec, PointScene, cramer_rao_bound, turning_pairs},
 };
 use nalgebra::{Matrix3, Vector2};
 use rand::SeedableRng;

@@ -2,10 +2,10 @@
 
 use groundcal::{
     calibrate::{MotionModel, Options, Silent, calibrate_matches},
-    geometry::{attitude::rotation_cam_from_world, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics, Lens, rotation_cam_from_world},
+    pairs::{ImagePair, PointMatch},
     result::{Calibration, Verdict, VerdictLevel},
-    synthetic::points::{MotionSpec, PointScene, turning_pairs},
+    synthetic::{MotionSpec, PointScene, turning_pairs},
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    geometry::size::ImageSize,
-    plan::{carriers::Carrier, request::MAX_MOTIONS},
-    start::linear_camera::GivenPrior,
+    geometry::ImageSize,
+    plan::{Carrier, MAX_MOTIONS},
+    start::GivenPrior,
 };
 
 use crate::args::{ConstraintArg, DistortionArg, OverwriteArg, parse_point, parse_prior, parse_size};

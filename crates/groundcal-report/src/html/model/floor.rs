@@ -1,6 +1,6 @@
 //! The floor: where the views are, where they look and what they see of it.
 
-use groundcal::{floor::view::FloorView, result::Calibration};
+use groundcal::{floor::FloorView, result::Calibration};
 use serde::Serialize;
 
 /// Views that common points connect, seen from above.

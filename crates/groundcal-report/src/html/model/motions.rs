@@ -1,14 +1,11 @@
 //! Motions: matches accepted and rejected, where the rejected ones gather, the part of the floor that both images see.
 
 use groundcal::{
-    floor::view::{FloorGrid, FloorView},
-    geometry::{homography::Homography, plane_view::View, size::ImageSize},
-    numerics::graph::components,
+    floor::{FloorGrid, FloorView},
+    geometry::{Homography, ImageSize, View},
+    numerics::components,
     remedy::Wording,
-    result::{
-        Calibration, MotionReport,
-        evidence::{Evidence, PairEvidence},
-    },
+    result::{Calibration, Evidence, MotionReport, PairEvidence},
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -332,7 +329,7 @@ pub(crate) fn size_of(overlay: &Overlay) -> ImageSize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::result::evidence::MatchEvidence;
+    use groundcal::result::MatchEvidence;
 
     fn grid(rejected: impl Fn(f64, f64) -> bool) -> Vec<Cluster> {
         let matches = (0..1200)

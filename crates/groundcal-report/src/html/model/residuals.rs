@@ -3,7 +3,7 @@
 //! Means are weighted by 1 / σ², σ being the deviation of each residual; a point's residuals in its two or more images are
 //! parts of one error, so the deviation of a mean is that of independent ones.
 
-use groundcal::result::{Calibration, Refinement, evidence::ObservationEvidence};
+use groundcal::result::{Calibration, ObservationEvidence, Refinement};
 use serde::Serialize;
 
 /// Residuals, measured less predicted, in pixels.
