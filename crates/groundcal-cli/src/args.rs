@@ -5,11 +5,8 @@ use std::path::Path;
 use clap::{Args, ValueEnum};
 use groundcal::{
     calibrate::{FeatureDensity, LensModel, MotionModel},
-    geometry::{camera::Camera, size::ImageSize},
-    start::{
-        absolute_conic::Constraint,
-        linear_camera::{GivenPrior, PriorParameter},
-    },
+    geometry::{Camera, ImageSize},
+    start::{Constraint, GivenPrior, PriorParameter},
 };
 use groundcal_io::{
     export::Format,

@@ -5,7 +5,7 @@ use std::path::Path;
 use groundcal::{
     error::Error,
     remedy::Remedy,
-    result::{Verdict, judge::verdict_on_refusal},
+    result::{Verdict, verdict_on_refusal},
 };
 use groundcal_io::text::{message, shown};
 use serde::Serialize;

@@ -17,7 +17,7 @@ use groundcal_io::outputs::Abandon;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 /// Between looks at whether a signal has come.
-const NAP: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time for the work to stop by itself.
 const GRACE: Duration = Duration::from_millis(500);
 /// What an exit code of a signal is above its number.
@@ -51,7 +51,7 @@ pub fn end_on_signals() {
     }
     let watch = || {
         loop {
-            thread::sleep(NAP);
+            thread::sleep(POLL_INTERVAL);
             if let Some(code) = requested() {
                 thread::sleep(GRACE);
                 // Results that are just being moved into place are waited for.

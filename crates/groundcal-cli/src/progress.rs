@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Work shorter than this shows no bar.
-const PATIENCE: Duration = Duration::from_secs(1);
+const DISPLAY_DELAY: Duration = Duration::from_secs(1);
 
 /// Listens to a calibration: a bar for the stage at work, the times of all, and what was noted on the way.
 pub(crate) struct StageTimes {
@@ -116,7 +116,7 @@ impl Observer for StageTimes {
 
     fn advance(&self, _: Stage) {
         self.with(|state| {
-            if state.bar.is_hidden() && !terminal::is_quiet() && self.started.elapsed() > PATIENCE {
+            if state.bar.is_hidden() && !terminal::is_quiet() && self.started.elapsed() > DISPLAY_DELAY {
                 // Draws nothing where standard error is not a terminal.
                 state.bar.set_draw_target(ProgressDrawTarget::stderr());
             }

@@ -54,10 +54,7 @@ mod tests {
             "50 images: only neighbours in the given order were compared. Give --pairs to compare others"
         );
         let text = Flags.remedy(&Remedy::UseConstraint {
-            any_of: vec![
-                groundcal::start::absolute_conic::Constraint::Auto,
-                groundcal::start::absolute_conic::Constraint::Focal,
-            ],
+            any_of: vec![groundcal::start::Constraint::Auto, groundcal::start::Constraint::Focal],
         });
         assert_eq!(text, "ask for less with a stronger constraint (`--constraint auto` or `focal`)");
         let spread = Flags.remedy(&Remedy::SpreadPoints);

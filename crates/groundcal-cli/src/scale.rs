@@ -3,10 +3,7 @@
 use std::{collections::BTreeSet, path::Path};
 
 use groundcal::{
-    floor::{
-        odometry::{camera_on_base, scale_of_all},
-        scale::{KnownDistance, with_floor_distance, with_uncertain_height},
-    },
+    floor::{KnownDistance, camera_on_base, scale_of_all, with_floor_distance, with_uncertain_height},
     result::{Calibration, CameraOnBase},
 };
 use groundcal_io::matches::read_odometry;
@@ -15,9 +12,9 @@ use groundcal_report::number::short;
 use crate::{args::FloorDistance, error::CliError};
 
 /// How well somebody points at a pixel, one standard deviation of each coordinate.
-const POINTING_PX: f64 = 0.5;
-/// Odometry that strays by more than this part of the way is not that of these pictures.
-const MOST_NOISE: f64 = 0.1;
+const POINTING_SIGMA_PX: f64 = 0.5;
+/// Odometry that errs by more than this part of the way is not that of these pictures.
+const MAX_ODOMETRY_NOISE: f64 = 0.1;
 
 /// What the options say of lengths.
 pub(crate) struct Lengths<'a> {
@@ -40,14 +37,14 @@ pub(crate) fn scaled(lengths: &Lengths<'_>, c: Calibration) -> Result<(Calibrati
         let known = FloorDistance::parse(lengths.floor_distance)
             .map_err(|e| CliError::Usage(format!("--floor-distance: {e}")))?;
         let [metres, metres_sigma] = known.metres;
-        let distance = KnownDistance { pixels: known.pixels, pixel_sigma_px: POINTING_PX, metres, metres_sigma };
+        let distance = KnownDistance { pixels: known.pixels, pixel_sigma_px: POINTING_SIGMA_PX, metres, metres_sigma };
         c = with_floor_distance(c, &known.view, &distance).map_err(|e| CliError::of_input("--floor-distance", e))?;
         notes.extend(other_worlds(&c, c.views.iter().find(|v| v.image == known.view).map(|v| v.origin.as_str())));
     }
     let Some(file) = lengths.odometry else { return Ok((c, notes)) };
     let poses = read_odometry(file, &c.views.iter().map(|v| v.image.clone()).collect::<Vec<_>>())?;
     let found = camera_on_base(&c, &poses).map_err(|e| CliError::of_file(file, e))?;
-    notes.extend(found.iter().filter(|f| f.relative_noise > MOST_NOISE).map(strays));
+    notes.extend(found.iter().filter(|f| f.relative_noise > MAX_ODOMETRY_NOISE).map(odometry_note));
     if c.camera_height_m.is_none() {
         if let Some([height_m, sigma]) = scale_of_all(&found) {
             c = with_uncertain_height(c, height_m, sigma / height_m)?;
@@ -58,7 +55,7 @@ pub(crate) fn scaled(lengths: &Lengths<'_>, c: Calibration) -> Result<(Calibrati
     Ok((c, notes))
 }
 
-fn strays(f: &CameraOnBase) -> String {
+fn odometry_note(f: &CameraOnBase) -> String {
     format!(
         "the odometry and the images differ by {} % of the way driven (attitude {}): check that poses and images belong together, and that its \
          lengths are metres",

@@ -19,8 +19,8 @@ use crate::{
 };
 
 /// Inputs that are kept of one target, and findings after which it ends.
-const MOST_POOL: usize = 20_000;
-const MOST_FINDINGS: u64 = 20;
+const MAX_POOL: usize = 20_000;
+const MAX_FINDINGS: u64 = 20;
 
 /// A target and how it is run.
 pub(crate) struct Run<'a> {
@@ -69,7 +69,7 @@ const NEVER: [&str; 10] = [
     "expected u64",
 ];
 /// Bytes of the longest message.
-const LONGEST_MESSAGE: usize = 4000;
+const MAX_MESSAGE: usize = 4000;
 
 /// What is wrong with an answer, if anything.
 fn fault(answer: &Result<String, String>) -> Option<String> {
@@ -82,7 +82,7 @@ fn fault(answer: &Result<String, String>) -> Option<String> {
     if message.contains(char::is_control) {
         return Some(format!("a control character in the message: {message:?}"));
     }
-    (message.len() > LONGEST_MESSAGE).then(|| format!("a message of {} bytes", message.len()))
+    (message.len() > MAX_MESSAGE).then(|| format!("a message of {} bytes", message.len()))
 }
 
 impl Run<'_> {
@@ -114,8 +114,8 @@ impl Run<'_> {
                 std::fs::write(&kept, bytes)?;
                 println!("finding: {}: {what}: {}", self.target.name, kept.display());
             }
-            if found.findings >= MOST_FINDINGS {
-                return Err(std::io::Error::other(format!("{}: {MOST_FINDINGS} findings", self.target.name)));
+            if found.findings >= MAX_FINDINGS {
+                return Err(std::io::Error::other(format!("{}: {MAX_FINDINGS} findings", self.target.name)));
             }
             Ok(answer.ok().map(|a| match a {
                 Ok(text) => format!("read: {text}"),
@@ -139,7 +139,7 @@ impl Run<'_> {
             let [one, other] = [0; 2].map(|_| rng.random_range(0..pool.len()));
             let bytes = mutated(&mut rng, &pool[one], &pool[other], self.target.is_text);
             let Some(answer) = attempt(&bytes)? else { continue };
-            if known.is_new(&answer, &bytes) && pool.len() < MOST_POOL {
+            if known.is_new(&answer, &bytes) && pool.len() < MAX_POOL {
                 pool.push(bytes);
             }
         }

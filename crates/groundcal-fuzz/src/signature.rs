@@ -6,7 +6,7 @@ use std::{
 };
 
 /// Signatures that are remembered of answers with their names; then all are forgotten.
-const MOST_REMEMBERED: usize = 1 << 20;
+const MAX_REMEMBERED: usize = 1 << 20;
 
 /// The signatures seen so far.
 #[derive(Default)]
@@ -19,7 +19,7 @@ pub(crate) struct Signatures {
 impl Signatures {
     /// Whether the answer to an input has a signature that was not seen before.
     pub(crate) fn is_new(&mut self, answer: &str, input: &[u8]) -> bool {
-        if self.with_names.len() >= MOST_REMEMBERED {
+        if self.with_names.len() >= MAX_REMEMBERED {
             self.with_names.clear();
         }
         self.with_names.insert(hash(&signature(answer)))

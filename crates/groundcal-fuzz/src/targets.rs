@@ -9,18 +9,13 @@ use std::path::Path;
 
 use groundcal::{
     calibrate::{LensModel, Method, Options, calibrate_matches},
-    floor::{
-        layout::{FloorLayout, Up, sets_of_one_world},
-        placed::placed,
-        undistort::{Fit, Undistortion},
-        view::FloorView,
-    },
-    geometry::{camera::Camera, camera_difference::camera_difference, size::ImageSize},
+    floor::{Fit, FloorLayout, FloorView, Undistortion, Up, placed, sets_of_one_world},
+    geometry::{Camera, ImageSize, camera_difference},
     observer::Silent,
-    plan::after,
+    plan::start_after,
     remedy::Plain,
     result::Calibration,
-    start::absolute_conic::Constraint,
+    start::Constraint,
 };
 use groundcal_io::{
     export,
@@ -34,9 +29,9 @@ use groundcal_lab::{render_scene, renderer::render::Renderer};
 /// Size of the images of tables.
 const SIZE: ImageSize = ImageSize { width: 1280, height: 960 };
 /// Images, pairs and matches of the largest calibration that is tried.
-const MOST_IMAGES: usize = 10;
-const MOST_PAIRS: usize = 8;
-const MOST_MATCHES: usize = 400;
+const MAX_IMAGES: usize = 10;
+const MAX_PAIRS: usize = 8;
+const MAX_MATCHES: usize = 400;
 
 /// A target.
 pub(crate) struct Target {
@@ -108,10 +103,7 @@ fn cameras(path: &Path) -> Result<String, String> {
         }
     }
     let moved = Camera {
-        intrinsics: groundcal::geometry::intrinsics::Intrinsics {
-            fx: 1.01 * camera.intrinsics.fx,
-            ..camera.intrinsics
-        },
+        intrinsics: groundcal::geometry::Intrinsics { fx: 1.01 * camera.intrinsics.fx, ..camera.intrinsics },
         ..camera
     };
     match camera_difference(&camera, &moved) {
@@ -132,7 +124,7 @@ fn calibrations(path: &Path) -> Result<String, String> {
     written_is_read(&c);
     let mut text = format!("{} views {} motions", c.views.len().min(3), c.motions.len().min(3));
     let _ = export::render(&c, &[]).map_err(|e| text += &format!(" {e}"));
-    let _ = after::start(&c).map_err(|e| text += &format!(" {e}"));
+    let _ = start_after(&c).map_err(|e| text += &format!(" {e}"));
     match placed(&c, 1.0) {
         Err(e) => text += &format!(" {e}"),
         Ok(placed) => {
@@ -209,7 +201,7 @@ fn written_is_read(c: &Calibration) {
 fn calibrate(path: &Path) -> Result<String, String> {
     let found = read(path)?;
     let matches: usize = found.pairs.iter().map(|p| p.matches.len()).sum();
-    if found.names.len() > MOST_IMAGES || found.pairs.len() > MOST_PAIRS || matches > MOST_MATCHES {
+    if found.names.len() > MAX_IMAGES || found.pairs.len() > MAX_PAIRS || matches > MAX_MATCHES {
         return Err("larger than is tried".into());
     }
     // Any sum of the input tells options apart.

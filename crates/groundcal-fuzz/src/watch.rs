@@ -12,11 +12,11 @@ use std::{
 /// The longest that an input may take, in time of processors: beside other work the clock on the wall runs on.
 const LONGEST: Duration = Duration::from_secs(10);
 /// The longest on the wall: who waits for ever takes no time of processors.
-const LONGEST_WAIT: Duration = Duration::from_secs(600);
+const MAX_WAIT: Duration = Duration::from_secs(600);
 /// Kilobytes of memory that the process may have.
-const MOST_KB: u64 = 2_000_000;
+const MAX_KB: u64 = 2_000_000;
 /// Between looks.
-const NAP: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Watches one target.
 pub(crate) struct Watch {
@@ -44,14 +44,14 @@ impl Watch {
                     (seen, used_before) = (since, used);
                 }
                 let worked = used.saturating_sub(used_before);
-                if since > 0 && (worked > LONGEST || waited > LONGEST_WAIT) {
+                if since > 0 && (worked > LONGEST || waited > MAX_WAIT) {
                     let (worked, waited) = (worked.as_secs(), waited.as_secs());
                     give_up(&input, &kept, &format!("no end after {worked} s of work in {waited} s"));
                 }
-                if let Some(kb) = resident_kb().filter(|kb| *kb > MOST_KB) {
+                if let Some(kb) = resident_kb().filter(|kb| *kb > MAX_KB) {
                     give_up(&input, &kept, &format!("{kb} kB of memory"));
                 }
-                std::thread::sleep(NAP);
+                std::thread::sleep(POLL_INTERVAL);
             }
         });
         watch

@@ -38,7 +38,7 @@ pub struct Search {
 }
 
 /// Folders inside each other, at most: more is a mistake.
-const MOST_DEPTH: usize = 64;
+const MAX_DEPTH: usize = 64;
 
 impl Search {
     /// The patterns, understood.
@@ -157,7 +157,7 @@ fn images_below(folder: &Path) -> Result<Vec<PathBuf>, IoError> {
     let (mut seen, mut found) = (HashSet::new(), Vec::new());
     let mut folders = vec![(folder.to_path_buf(), 0)];
     while let Some((folder, depth)) = folders.pop() {
-        if !seen.insert(folder.canonicalize().map_err(|e| cannot(&folder, e))?) || depth > MOST_DEPTH {
+        if !seen.insert(folder.canonicalize().map_err(|e| cannot(&folder, e))?) || depth > MAX_DEPTH {
             continue;
         }
         for entry in std::fs::read_dir(&folder).map_err(|e| cannot(&folder, e))? {

@@ -14,7 +14,7 @@ use std::{
 };
 
 use groundcal::{
-    geometry::size::ImageSize,
+    geometry::ImageSize,
     vision::resample::{Depth, Raster, Resampled},
 };
 use image::{

@@ -4,14 +4,12 @@
 
 use groundcal::{
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
-    floor::placed::placed,
-    geometry::{
-        attitude::rotation_cam_from_world, constraint::Constraint, intrinsics::Intrinsics, lens::Lens, size::ImageSize,
-    },
-    pairs::correspondence::ImagePair,
+    floor::placed,
+    geometry::{Constraint, ImageSize, Intrinsics, Lens, rotation_cam_from_world},
+    pairs::ImagePair,
     remedy::{Plain, Remedy, Wording},
-    result::{Calibration, Parameter, Scene, ViewParameter, evidence::Evidence},
-    synthetic::points::{PointScene, turning_pairs},
+    result::{Calibration, Evidence, Parameter, Scene, ViewParameter},
+    synthetic::{PointScene, turning_pairs},
 };
 use groundcal_io::{export::json, import::groundcal_json::parse};
 use nalgebra::Matrix3;
@@ -89,5 +87,5 @@ fn the_front_end_words_the_messages_and_nothing_else() {
         text.lines().filter_map(|l| Some(l.split_once("\": ")?.0.to_string())).collect()
     };
     assert_eq!(keys(&plain), keys(&loud), "the order of the keys");
-    assert!(plain.starts_with("{\n  \"schema_version\": 5,\n  \"format_version\": 1,\n  \"verdict\""));
+    assert!(plain.starts_with("{\n  \"schema_version\": 6,\n  \"format_version\": 2,\n  \"verdict\""));
 }

@@ -12,10 +12,10 @@ use std::{io::Cursor, path::PathBuf, process::ExitCode, time::Instant};
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
-    geometry::{attitude::up_in_camera, size::ImageSize},
-    numerics::statistics::median,
+    geometry::{ImageSize, up_in_camera},
+    numerics::median,
     result::{Calibration, Parameter},
-    start::absolute_conic::Constraint,
+    start::Constraint,
     vision::image::GrayImage,
 };
 use groundcal_lab::renderer::{
@@ -39,13 +39,13 @@ const TEXTURES: [TextureKind; 6] = [
     TextureKind::Asphalt,
 ];
 const SIZES: [[usize; 2]; 5] = [[640, 480], [800, 600], [960, 640], [960, 720], [1024, 768]];
-const MOST_VIEWS: usize = 14;
+const MAX_VIEWS: usize = 14;
 /// Attitudes nearer to one another than this are one attitude to a person, and no separate views of the floor.
-const LEAST_BETWEEN_ATTITUDES_DEG: f64 = 6.0;
+const MIN_BETWEEN_ATTITUDES_DEG: f64 = 6.0;
 /// From this spread of roll on, zero skew is asked for as well.
-const LEAST_ROLL_SPREAD_DEG: f64 = 15.0;
+const MIN_ROLL_SPREAD_DEG: f64 = 15.0;
 /// Least slope of distorted over ideal radius in the image: a lens that compresses more is near its fold.
-const LEAST_LENS_SLOPE: f64 = 0.3;
+const MIN_LENS_SLOPE: f64 = 0.3;
 /// Floor further away than this shows nothing to match.
 const FARTHEST_IN_HEIGHTS: f64 = 8.0;
 /// Goal: fewer than this fraction of the intrinsics more than `OUTSIDE_Z` standard deviations off.
@@ -96,7 +96,7 @@ fn draw_lens(rng: &mut Pcg64Mcg, camera: &Camera) -> (f64, f64) {
         let monotonic = || {
             let mut r = 0.0_f64;
             while r * (1.0 + r * r * (k1 + k2 * r * r)) < farthest {
-                if 1.0 + r * r * (3.0 * k1 + 5.0 * k2 * r * r) < LEAST_LENS_SLOPE {
+                if 1.0 + r * r * (3.0 * k1 + 5.0 * k2 * r * r) < MIN_LENS_SLOPE {
                     return false;
                 }
                 r += 0.01;
@@ -119,7 +119,7 @@ fn draw_attitudes(rng: &mut Pcg64Mcg) -> Vec<[f64; 2]> {
         let roll = if elevation_only { level_deg } else { rng.random_range(-45.0..45.0) };
         let new = [rng.random_range(25.0..65.0), roll];
         let up = |a: &[f64; 2]| up_in_camera(a[0].to_radians(), a[1].to_radians());
-        if attitudes.iter().all(|a| up(a).angle(&up(&new)).to_degrees() > LEAST_BETWEEN_ATTITUDES_DEG) {
+        if attitudes.iter().all(|a| up(a).angle(&up(&new)).to_degrees() > MIN_BETWEEN_ATTITUDES_DEG) {
             attitudes.push(new);
         }
     }
@@ -211,7 +211,7 @@ fn draw(seed: u64, set: u64) -> Scene {
     // A tripod or a head stays where it is, a robot wanders.
     let wanders = rng.random_bool(0.5);
     let heading_deg = rng.random_range(0.0..360.0);
-    let mut left = MOST_VIEWS;
+    let mut left = MAX_VIEWS;
     let mut groups: Vec<Group> = Vec::new();
     for (g, [pitch_down_deg, roll_deg]) in attitudes.iter().copied().enumerate() {
         let after = attitudes.len() - g - 1;
@@ -462,15 +462,15 @@ fn detail(scene: &Scene, result: &Calibration, group_of: &dyn Fn(&str) -> Option
         }
         let number = |v: Option<f64>, digits: usize| v.map_or("--".into(), |v| format!("{v:.digits$}"));
         println!(
-            "    {} {} {}{} turn {} (truth {:.3}) rho {} +- {}, {} of {} matches, rms {} px {}",
+            "    {} {} {}{} turn {} (truth {:.3}) height_ratio {} +- {}, {} of {} matches, rms {} px {}",
             m.from,
             m.to,
             if m.used { "used" } else { "left out" },
             if same { "" } else { " FALSE" },
             number(m.rotation_deg, 3),
             yaw_deg(&m.to) - yaw_deg(&m.from),
-            number(m.rho, 5),
-            number(m.rho_sigma, 5),
+            number(m.height_ratio, 5),
+            number(m.height_ratio_sigma, 5),
             m.matches,
             m.candidate_matches,
             number(m.rms_px, 3),
@@ -506,7 +506,7 @@ fn main() -> ExitCode {
         let images = pictures(&scene, keep.as_ref());
         rendering_seconds += begin.elapsed().as_secs_f64();
         let names: Vec<String> = scene.views().map(|(_, v)| v.file.clone()).collect();
-        let may_be_skewed = scene.groups.len() >= 3 && roll_spread_deg(&scene) >= LEAST_ROLL_SPREAD_DEG;
+        let may_be_skewed = scene.groups.len() >= 3 && roll_spread_deg(&scene) >= MIN_ROLL_SPREAD_DEG;
         let calibrate = |constraint: Constraint, heading: String, tally: &mut Tally| {
             let begin = Instant::now();
             let options = Options { constraint, ..Options::default() };

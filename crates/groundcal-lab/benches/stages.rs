@@ -7,26 +7,15 @@ use std::{hint::black_box, time::Instant};
 use nalgebra::{Vector2, Vector3};
 
 use groundcal::{
-    geometry::{
-        attitude::{attitude_rotation, yaw_rotation},
-        frame::Frame,
-        intrinsics::Intrinsics,
-        lens::Lens,
-        size::ImageSize,
-    },
-    pairs::{
-        circular_points::from_homography,
-        correspondence::PointMatch,
-        refine::{HomographyEstimate, RefineOptions, refine},
-        robust::{RobustOptions, estimate_robust},
-    },
+    geometry::{Frame, ImageSize, Intrinsics, Lens, attitude_rotation, yaw_rotation},
+    pairs::{HomographyEstimate, PointMatch, RefineOptions, RobustOptions, estimate_robust, from_homography, refine},
     refine::{
         BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
         Track, adjust,
     },
-    select::attitude_groups::{Motion, Sides},
-    start::linear_camera::{CameraOptions, solve_camera},
-    synthetic::points::{MotionSpec, PointScene},
+    select::{HorizonSides, Motion},
+    start::{CameraOptions, solve_camera},
+    synthetic::{MotionSpec, PointScene},
     vision::{
         features::{FeatureOptions, MatchOptions, detect, match_features},
         patches::{PatchOptions, match_patches, template_grid},
@@ -119,7 +108,7 @@ fn run() {
             refine(matches, None, &frame, &RefineOptions::default()).expect("a homography")
         })
         .collect();
-    for constraint in groundcal::start::absolute_conic::Constraint::ALL {
+    for constraint in groundcal::start::Constraint::ALL {
         let options = CameraOptions {
             given: Vec::new(),
             constraint,
@@ -138,7 +127,7 @@ fn run() {
                         from: (2 * i).into(),
                         to: (2 * i + 1).into(),
                         geometry: from_homography(e).ok()?,
-                        sides: Sides::One,
+                        sides: HorizonSides::One,
                     })
                 })
                 .collect();

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 
 use groundcal::{
     error::Error,
-    geometry::frame::Frame,
-    select::attitude_groups::Motion,
-    start::linear_camera::{CameraOptions, CameraSolution, solve_camera},
+    geometry::Frame,
+    select::Motion,
+    start::{CameraOptions, CameraSolution, solve_camera},
 };
 
 /// One subset and its camera.
@@ -96,13 +96,10 @@ mod tests {
     use super::*;
     use crate::studies::figure4::{Condition, scene};
     use groundcal::{
-        numerics::statistics::spearman,
-        pairs::{
-            circular_points::from_homography,
-            refine::{RefineOptions, refine},
-        },
-        select::attitude_groups::Sides,
-        start::absolute_conic::Constraint,
+        numerics::spearman,
+        pairs::{RefineOptions, from_homography, refine},
+        select::HorizonSides,
+        start::Constraint,
     };
 
     #[test]
@@ -138,7 +135,7 @@ mod tests {
                 .map(|p| {
                     let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).expect("a homography");
                     let geometry = from_homography(&h).expect("a turn");
-                    Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: Sides::One }
+                    Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: HorizonSides::One }
                 })
                 .collect();
             let ranked = rank_subsets(&motions, &frame, &options, 3).expect("few enough");
@@ -159,7 +156,7 @@ mod tests {
         assert!(rank_subsets(&[], &frame, &options, 3).is_err());
     }
 
-    fn condition_size() -> groundcal::geometry::size::ImageSize {
+    fn condition_size() -> groundcal::geometry::ImageSize {
         scene(&Condition::default(), 0, 0).size
     }
 }

@@ -13,17 +13,11 @@ use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector4};
 
 use groundcal::{
     error::Error,
-    geometry::intrinsics::Intrinsics,
-    numerics::linalg::{ComplexPoint, symmetric_eigen},
-    pairs::{
-        circular_points::{CircularPoint, NoCircularPoint, from_homography},
-        refine::HomographyEstimate,
-    },
+    geometry::Intrinsics,
+    numerics::{ComplexPoint, symmetric_eigen},
+    pairs::{CircularPoint, HomographyEstimate, NoCircularPoint, from_homography},
     remedy::Remedy,
-    start::{
-        absolute_conic::{Constraint, Parameters, intrinsics_of, solve_unweighted},
-        linear_camera::what_is_uncertain,
-    },
+    start::{Constraint, Parameters, intrinsics_of, solve_unweighted, what_is_uncertain},
 };
 
 /// A camera from one motion and views it was transferred to.
@@ -46,7 +40,7 @@ pub fn transfer(h: &Matrix3<f64>, point: &ComplexPoint) -> ComplexPoint {
 }
 
 /// Part of a standard deviation by which inputs are moved to see what they do: linear, yet far above rounding.
-const PART: f64 = 0.05;
+const STEP_SIGMAS: f64 = 0.05;
 
 /// The camera from the homography of one plane-normal motion (view 0 to its second view) and homographies from view 0 to other
 /// views of the same plane, all in one frame, every equation having the same weight. `aspect` is fy / fx where the constraint holds it.
@@ -140,7 +134,7 @@ fn propagate(
     let p = solve(&e, matrices)?;
     let mut covariance = SMatrix::<f64, 5, 5>::zeros();
     let mut add = |up: Parameters, down: Parameters| {
-        let slope: SVector<f64, 5> = (up - down) / (2.0 * PART);
+        let slope: SVector<f64, 5> = (up - down) / (2.0 * STEP_SIGMAS);
         covariance += slope * slope.transpose();
     };
     let roots = |m: DMatrix<f64>| -> Result<Vec<Vec<f64>>, Error> {
@@ -152,12 +146,12 @@ fn propagate(
         Ok((0..values.len()).filter(|&i| values[i] > 0.0).map(column).collect())
     };
     for root in roots(DMatrix::from_fn(4, 4, |r, c| first.covariance[(r, c)]))? {
-        let step = Vector4::from_fn(|i, _| PART * root[i]);
+        let step = Vector4::from_fn(|i, _| STEP_SIGMAS * root[i]);
         add(solve(&first.moved(&step), matrices)?, solve(&first.moved(&-step), matrices)?);
     }
     for (i, other) in others.iter().enumerate() {
         for root in roots(DMatrix::from_fn(9, 9, |r, c| other.covariance[(r, c)]))? {
-            let step = Matrix3::from_fn(|r, c| PART * root[3 * r + c]);
+            let step = Matrix3::from_fn(|r, c| STEP_SIGMAS * root[3 * r + c]);
             let moved = |sign: f64| {
                 let mut matrices = matrices.to_vec();
                 matrices[i] += step * sign;
@@ -173,9 +167,9 @@ fn propagate(
 mod tests {
     use super::*;
     use groundcal::{
-        geometry::frame::Frame,
-        pairs::refine::{RefineOptions, refine},
-        synthetic::points::{MotionSpec, PointScene},
+        geometry::Frame,
+        pairs::{RefineOptions, refine},
+        synthetic::{MotionSpec, PointScene},
     };
 
     /// One turn of 25 degrees, then views of other attitudes from other places.

@@ -5,7 +5,7 @@
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images, calibrate_matched_images},
     error::Error,
-    pairs::correspondence::ImagePair,
+    pairs::ImagePair,
     vision::{
         features::{detect, match_features},
         patches::{PatchMatch, PatchOptions, match_patches, template_grid},

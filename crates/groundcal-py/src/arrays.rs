@@ -1,7 +1,7 @@
 //! NumPy arrays as pictures, and back. Python has looked at their dtype and shape (`groundcal/_arrays.py`); they are C-contiguous.
 
 use groundcal::{
-    geometry::size::ImageSize,
+    geometry::ImageSize,
     vision::resample::{Depth, Raster, Resampled},
 };
 use groundcal_io::{

@@ -5,15 +5,8 @@ use std::{path::PathBuf, sync::Arc};
 use groundcal::{
     calibrate::{calibrate_homographies, calibrate_images, calibrate_matches},
     error::Error,
-    geometry::{
-        frame::Frame,
-        homography::{Homography, HomographyCovariance, covariance_in_frame},
-        size::ImageSize,
-    },
-    pairs::{
-        correspondence::{ImagePair, PointMatch},
-        refine::HomographyEstimate,
-    },
+    geometry::{Frame, Homography, HomographyCovariance, ImageSize, covariance_in_frame},
+    pairs::{HomographyEstimate, ImagePair, PointMatch},
     result::{Calibration, Warning},
     vision::{image::GrayImage, mask::Mask},
 };

@@ -4,13 +4,10 @@ use std::path::PathBuf;
 
 use groundcal::{
     floor::{
-        layout::{DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, ResolutionError, Up, sets_of_one_world},
-        placed::{Placed, placed},
-        rectify::{Mosaic, rectify},
-        undistort::{Fit, Undistortion},
-        view::{FloorGrid, FloorView},
+        DEFAULT_EXTENT_HEIGHTS, Fit, FloorGrid, FloorLayout, FloorView, MAX_PIXELS, Mosaic, Placed, ResolutionError,
+        Undistortion, Up, placed, rectify, sets_of_one_world,
     },
-    geometry::size::ImageSize,
+    geometry::ImageSize,
     result::{Calibration, Camera},
     vision::resample::{Depth, Pyramid, Raster, Resampled, resample},
 };

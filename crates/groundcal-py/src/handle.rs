@@ -6,7 +6,7 @@ use std::{
 };
 
 use groundcal::{
-    geometry::attitude::rotation_cam_from_world,
+    geometry::rotation_cam_from_world,
     result::{Calibration, Camera},
     vision::image::GrayImage,
 };

@@ -7,9 +7,9 @@ use std::path::PathBuf;
 
 use groundcal::{
     calibrate::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection},
-    geometry::{camera::Camera, constraint::Constraint, lens::Lens, size::ImageSize},
+    geometry::{Camera, Constraint, ImageSize, Lens},
     result::PriorParameter,
-    start::linear_camera::GivenPrior,
+    start::GivenPrior,
 };
 use groundcal_io::{
     import::read_camera,
@@ -25,7 +25,7 @@ use pyo3::{
 use crate::{failure::Failure, handle::Handle, nearest::no_such};
 
 /// What each keyword has to be.
-const TYPES: [(&str, &str); 37] = [
+const TYPES: [(&str, &str); 38] = [
     ("motion", "a string"),
     ("constraint", "a string"),
     ("method", "a string"),
@@ -249,7 +249,7 @@ impl Asked {
             lens: known_lens(given)?,
             camera_height_m: taken(given, "camera_height_m")?,
             image_size: image_size(given)?,
-            threads: threads.map(|n| n.min(MOST_THREADS)),
+            threads: threads.map(|n| n.min(MAX_THREADS)),
         })
     }
 
@@ -288,4 +288,4 @@ impl Asked {
 }
 
 /// More than this help on no machine.
-const MOST_THREADS: usize = 256;
+const MAX_THREADS: usize = 256;

@@ -3,10 +3,7 @@
 use std::{ffi::OsString, path::PathBuf};
 
 use groundcal::{
-    plan::{
-        carriers::Carrier,
-        request::{MAX_MOTIONS, PlanRequest, RequestError},
-    },
+    plan::{Carrier, MAX_MOTIONS, PlanRequest, RequestError},
     result::Covariance,
 };
 use groundcal_io::{import::read_camera, text::name_text};
@@ -85,8 +82,7 @@ pub(crate) fn compare_cameras(py: Python<'_>, cameras: Vec<ComparedCamera>, widt
             CompareError::Shapes(i, what) => Failure::input(format!("{}: {what}", both(i))),
             CompareError::Camera(i, error) => Failure::of_input(&both(i), error),
         })?;
-        let size =
-            groundcal::geometry::size::ImageSize::new(found.reference.image_size[0], found.reference.image_size[1]);
+        let size = groundcal::geometry::ImageSize::new(found.reference.image_size[0], found.reference.image_size[1]);
         let figure = |(name, d)| svg::document(&comparison::figure(&names[0], name, size, d).layout());
         let figures = names[1..].iter().map(String::as_str).zip(&differences).map(figure).collect();
         Ok((serde_json::to_string(&found)?, comparison::text(&found, width), figures, notes))

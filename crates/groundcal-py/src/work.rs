@@ -1,6 +1,6 @@
 //! Work beside Python: on threads of its own, without the interpreter's lock, so that other Python threads run on.
 //!
-//! The thread that called waits, looks for signals (Ctrl-C) every [`NAP`], tells of the progress, and asks the work to stop when
+//! The thread that called waits, looks for signals (Ctrl-C) every [`POLL_INTERVAL`], tells of the progress, and asks the work to stop when
 //! either raises. Nothing but this thread touches Python: the work owns what it needs.
 
 use std::{
@@ -23,7 +23,7 @@ use pyo3::{exceptions::PyRuntimeError, prelude::*};
 use crate::{failure::Failure, keywords::Keywords};
 
 /// Between looks at signals.
-const NAP: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// Time for the work to stop by itself; what takes longer (an image being decoded) ends by itself later and is thrown away.
 const GRACE: Duration = Duration::from_millis(100);
 
@@ -176,7 +176,7 @@ pub(crate) fn run<'py, T: Send + 'static>(
         .map_err(|e| fault(format!("cannot start a thread ({e})")))?;
     let mut teller = Teller { function: progress, at: None };
     loop {
-        let (receiver, result) = wait(py, results, NAP);
+        let (receiver, result) = wait(py, results, POLL_INTERVAL);
         results = receiver;
         match result {
             Ok(result) => {

@@ -3,11 +3,7 @@
 use groundcal::{
     error::Error,
     geometry::{
-        camera::{self, INTRINSIC_NAMES},
-        camera_difference::{CameraDifference, camera_difference, significance},
-        intrinsics::Intrinsics,
-        lens::{Lens, Radtan},
-        size::ImageSize,
+        CameraDifference, INTRINSIC_NAMES, ImageSize, Intrinsics, Lens, Radtan, camera_difference, significance,
     },
     result::{Covariance, Parameter},
 };
@@ -83,14 +79,14 @@ pub fn compare(cameras: &[Camera]) -> Result<(Comparisons, Vec<CameraDifference>
 /// A camera with a size that is known.
 #[derive(Clone)]
 struct OfSize {
-    model: camera::Camera,
+    model: groundcal::geometry::Camera,
     covariance: Option<Covariance<Parameter>>,
 }
 
 impl OfSize {
     fn of(camera: &Camera, known: ImageSize) -> Self {
         let size = camera.size.unwrap_or(known);
-        let model = camera::Camera { size, intrinsics: camera.intrinsics, lens: camera.lens };
+        let model = groundcal::geometry::Camera { size, intrinsics: camera.intrinsics, lens: camera.lens };
         Self { model, covariance: camera.covariance.clone() }
     }
 }
@@ -121,9 +117,9 @@ fn scaled(camera: OfSize, size: ImageSize) -> Result<(OfSize, Option<[usize; 2]>
 }
 
 /// A camera's numbers by name, in their order. Without distortion a lens is Brown-Conrady's, all zero.
-fn numbers(camera: &camera::Camera) -> Vec<(&'static str, f64)> {
+fn numbers(camera: &groundcal::geometry::Camera) -> Vec<(&'static str, f64)> {
     let lens = if camera.lens == Lens::None { Lens::Radtan(Radtan::default()) } else { camera.lens };
-    let camera = camera::Camera { lens, ..*camera };
+    let camera = groundcal::geometry::Camera { lens, ..*camera };
     camera.parameter_names().into_iter().zip(camera.parameters()).collect()
 }
 
@@ -188,12 +184,12 @@ fn joint(a: &OfSize, b: &OfSize) -> Option<Joint> {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::lens::Fisheye;
+    use groundcal::geometry::Fisheye;
 
     use super::*;
 
     fn camera(width: usize, height: usize) -> OfSize {
-        let model = camera::Camera {
+        let model = groundcal::geometry::Camera {
             size: ImageSize::new(width, height),
             intrinsics: Intrinsics::square(700.0, 400.0, 300.0),
             lens: Lens::None,
@@ -224,8 +220,10 @@ mod tests {
         assert_eq!(all[0].difference_in_standard_deviations, Some(3.0 / 8f64.sqrt()));
         assert_eq!(all[2].standard_deviation, None);
         // Another lens model leaves the camera matrix to be compared.
-        let fisheye =
-            OfSize { model: camera::Camera { lens: Lens::Fisheye(Fisheye::default()), ..b.model }, ..b.clone() };
+        let fisheye = OfSize {
+            model: groundcal::geometry::Camera { lens: Lens::Fisheye(Fisheye::default()), ..b.model },
+            ..b.clone()
+        };
         let names = |a: &OfSize, b: &OfSize| parameters(a, b).iter().map(|p| p.parameter).collect::<Vec<_>>();
         assert_eq!(names(&a, &fisheye), INTRINSIC_NAMES);
         assert_eq!(names(&fisheye, &fisheye)[5..], ["k1", "k2", "k3", "k4"]);

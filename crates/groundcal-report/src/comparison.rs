@@ -1,6 +1,6 @@
 //! How far cameras differ: the numbers as data, as text for the terminal, and as a figure.
 
-use groundcal::geometry::{camera_difference::CameraDifference, size::ImageSize};
+use groundcal::geometry::{CameraDifference, ImageSize};
 use serde::Serialize;
 
 use crate::{
@@ -246,9 +246,7 @@ fn tail(file: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::{
-        camera::Camera, camera_difference::camera_difference, intrinsics::Intrinsics, lens::Lens,
-    };
+    use groundcal::geometry::{Camera, Intrinsics, Lens, camera_difference};
 
     use super::*;
 

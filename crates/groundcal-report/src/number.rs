@@ -41,11 +41,11 @@ pub fn short_decimals(value: f64) -> String {
 
 /// Three significant digits, with an exponent where there would be more than eight decimals: for scales.
 pub fn three_digits(value: f64) -> String {
-    const MOST_DECIMALS: usize = 8;
-    if value != 0.0 && value.abs() < 10f64.powi(2 - MOST_DECIMALS as i32) {
+    const MAX_DECIMALS: usize = 8;
+    if value != 0.0 && value.abs() < 10f64.powi(2 - MAX_DECIMALS as i32) {
         format!("{value:.2e}")
     } else {
-        significant(value, 3, MOST_DECIMALS)
+        significant(value, 3, MAX_DECIMALS)
     }
 }
 

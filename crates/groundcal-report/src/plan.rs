@@ -1,7 +1,7 @@
 //! A capture plan as a shot list and as a figure.
 
 use groundcal::{
-    plan::{PlannedMotion, Prediction, Shares, report::PlanReport},
+    plan::{PlanReport, PlannedMotion, Prediction, VarianceShares},
     result::{Warning, WarningReport},
 };
 
@@ -128,8 +128,8 @@ fn reason(before: Option<&Prediction>, m: &PlannedMotion) -> String {
         return format!("f to {}. {}", percent(after), rest(after));
     };
     let variance = |p: &Prediction| p.f_percent * p.f_percent;
-    let part = |p: &Prediction, of: fn(&Shares) -> f64| of(&p.share) * variance(p);
-    let fall = |of: fn(&Shares) -> f64| part(before, of) - part(after, of);
+    let part = |p: &Prediction, of: fn(&VarianceShares) -> f64| of(&p.share) * variance(p);
+    let fall = |of: fn(&VarianceShares) -> f64| part(before, of) - part(after, of);
     let causes = [
         ("tells the principal point", fall(|s| s.principal_point)),
         ("tells the lens distortion", fall(|s| s.lens)),
@@ -202,7 +202,7 @@ fn priors(report: &PlanReport) -> Table {
 
 fn warnings(report: &PlanReport, width: usize) -> String {
     let one = |w: &WarningReport| {
-        let expected = if matches!(w.warning, Warning::LargeStrays { .. }) { "" } else { "expect " };
+        let expected = if matches!(w.warning, Warning::LargeAttitudeErrors { .. }) { "" } else { "expect " };
         format!("\n{}\n", wrapped(&format!("{expected}warning [{}]: {}", w.warning.code(), w.message), 0, width))
     };
     report.warnings.iter().map(one).collect()

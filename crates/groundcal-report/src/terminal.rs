@@ -43,7 +43,7 @@ pub const WIDTH: usize = 80;
 /// Blanks between columns: as many as there is room for.
 const GAPS: [usize; 2] = [2, 1];
 /// Names are not cut below this.
-const LEAST_NAME: usize = 8;
+const MIN_NAME: usize = 8;
 
 /// What a column holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,7 +130,7 @@ impl Table {
         let gap = GAPS.into_iter().find(|gap| total(&widths, &all, *gap) <= width).unwrap_or(GAPS[1]);
         // The longest names give way first.
         while total(&widths, &all, gap) > width {
-            let names = all.iter().filter(|&&i| self.columns[i].kind == Kind::Name && widths[i] > LEAST_NAME);
+            let names = all.iter().filter(|&&i| self.columns[i].kind == Kind::Name && widths[i] > MIN_NAME);
             let Some(&longest) = names.max_by_key(|&&i| widths[i]) else { break };
             widths[longest] -= 1;
         }
@@ -375,17 +375,17 @@ mod tests {
         let list = [
             ("Images", "12".to_string()),
             ("Method", "joint".into()),
-            ("Scene", "floor; 5 ties between attitudes".into()),
+            ("Scene", "floor; 5 links between attitudes".into()),
             ("Height sigma", "0.1 %".into()),
         ];
         assert_eq!(
             facts(&list, 60),
             "Images:       12              Method:       joint\n\
-             Scene:        floor; 5 ties between attitudes\n\
+             Scene:        floor; 5 links between attitudes\n\
              Height sigma: 0.1 %\n"
         );
         let narrow = facts(&list, 30);
-        assert!(narrow.contains("Scene:        floor; 5 ties\n              between") && narrow.lines().count() > 4);
+        assert!(narrow.contains("Scene:        floor; 5 links\n              between") && narrow.lines().count() > 4);
     }
 
     #[test]

@@ -2,12 +2,12 @@
 //! `verbose`, in the style of a statistics package, also the motions, the attitudes, the views, what was assumed and what was left out.
 
 use groundcal::{
-    geometry::lens::Lens,
-    numerics::statistics::NORMAL_95,
+    geometry::Lens,
+    numerics::NORMAL_95,
     remedy::Wording,
     result::{
         Calibration, CameraOnBase, LensSource, Method, MotionKind, MotionReport, Parameter, Scene, Verdict,
-        VerdictLevel, VerdictReason, judge::level_with,
+        VerdictLevel, VerdictReason, level_with,
     },
 };
 
@@ -237,7 +237,7 @@ fn on_base(b: &CameraOnBase) -> String {
         _ => "place not shown (the base hardly turned)".into(),
     };
     format!(
-        "{place}, {} m up, heading {} deg to the left, attitude {}; from {} motions, odometry strays by {} % of the way",
+        "{place}, {} m up, heading {} deg to the left, attitude {}; from {} motions, odometry errs by {} % of the way",
         value(b.height_m, b.height_sigma_m),
         value(b.yaw_deg, b.yaw_sigma_deg),
         attitude_number(b.attitude),
@@ -263,7 +263,7 @@ fn how(c: &Calibration) -> Vec<(&'static str, String)> {
     list.push(("Attitude sigma", attitude_sigma));
     if let Some(r) = &c.fit.refinement {
         if !turns_on_the_spot(c) {
-            list.push(("Scene", format!("floor; {} ties between attitudes", r.ties)));
+            list.push(("Scene", format!("floor; {} links between attitudes", r.cross_attitude_links)));
         }
         if let Some(s) = c.height_sigma {
             list.push(("Height sigma", format!("{} % a view", fixed(100.0 * s, 3))));
@@ -343,7 +343,7 @@ fn motions(c: &Calibration) -> Table {
         .name("from")
         .name("to")
         .number("turn (deg)")
-        .number("rho")
+        .number("height ratio")
         .number("matches")
         .number("rms px")
         .number("attitude");
@@ -353,7 +353,7 @@ fn motions(c: &Calibration) -> Table {
             m.from.clone(),
             m.to.clone(),
             with_sigma(m.rotation_deg, m.rotation_sigma_deg, 3),
-            with_sigma(m.rho.filter(|_| floor), m.rho_sigma, 4),
+            with_sigma(m.height_ratio.filter(|_| floor), m.height_ratio_sigma, 4),
             m.matches.to_string(),
             or_dash(m.rms_px, 2),
             m.attitude.filter(|_| floor).map_or("-".into(), attitude_number),
@@ -431,7 +431,7 @@ fn views(c: &Calibration) -> Table {
 
 /// What was left out and why.
 fn not_used(c: &Calibration, width: usize) -> String {
-    let left: Vec<&MotionReport> = c.motions.iter().filter(|m| !m.used && !m.tie).collect();
+    let left: Vec<&MotionReport> = c.motions.iter().filter(|m| !m.used && !m.cross_attitude_link).collect();
     if left.is_empty() {
         return String::new();
     }
@@ -462,7 +462,7 @@ fn notes(c: &Calibration) -> Vec<String> {
         ));
     } else {
         notes.push(format!(
-            "{convention} turn: of the camera, anticlockwise seen from above; rho: height of the second view over the floor in units of the \
+            "{convention} turn: of the camera, anticlockwise seen from above; height ratio: height of the second view over the floor in units of the \
              first's (1: constant height); pitch: optical axis below the horizon; roll: right-hand side down; both in degrees."
         ));
         let unit = match (c.camera_height_m, c.views.is_empty()) {

@@ -4,11 +4,11 @@
 
 use groundcal::{
     calibrate::{Method, MotionModel, Options, Silent, calibrate_matches},
-    geometry::{attitude::rotation_cam_from_world, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    pairs::correspondence::ImagePair,
+    geometry::{ImageSize, Intrinsics, Lens, rotation_cam_from_world},
+    pairs::ImagePair,
     remedy::Plain,
-    result::{Calibration, Scene, Warning, judge::verdict_on},
-    synthetic::points::{MotionSpec, PointScene, turning_pairs},
+    result::{Calibration, Scene, Warning, verdict_on},
+    synthetic::{MotionSpec, PointScene, turning_pairs},
 };
 use groundcal_report::{
     html,
@@ -134,7 +134,7 @@ fn a_panorama_does_not_speak_of_a_floor() {
     let c = panorama("m");
     for verbose in [false, true] {
         let page = summary(&c, &SummaryOptions { verbose, ..SummaryOptions::default() }, &Plain);
-        for word in ["floor", "rho", "Height", "height", "NaN"] {
+        for word in ["floor", "Height", "height", "NaN"] {
             assert!(!page.contains(word), "{word} in\n{page}");
         }
     }
@@ -155,9 +155,15 @@ fn the_first_lines_answer_what_everybody_asks() {
 #[test]
 fn doubts_come_by_gravity_and_all_of_them_with_verbose() {
     let mut c = calibration("m", Method::Joint);
-    let strays =
-        |i: u32| Warning::MotionStrays { from: format!("{i}"), to: "b".into(), apart_deg: 1.0, sigma_deg: 0.1 };
-    c.warnings = vec![Warning::NeighboursOnly { images: 50 }, Warning::SingleMotion, strays(1), strays(2), strays(3)];
+    let attitude_error =
+        |i: u32| Warning::MotionAttitudeError { from: format!("{i}"), to: "b".into(), apart_deg: 1.0, sigma_deg: 0.1 };
+    c.warnings = vec![
+        Warning::NeighboursOnly { images: 50 },
+        Warning::SingleMotion,
+        attitude_error(1),
+        attitude_error(2),
+        attitude_error(3),
+    ];
     c.verdict = Some(verdict_on(&c, false));
     let of = |verbose: bool| {
         let page = summary(&c, &SummaryOptions { verbose, ..SummaryOptions::default() }, &Plain);

@@ -5,10 +5,10 @@
 
 use groundcal::{
     calibrate::{Options, calibrate_homographies},
-    geometry::{frame::Frame, homography::HomographyCovariance},
-    pairs::refine::HomographyEstimate,
-    start::absolute_conic::Constraint,
-    synthetic::points::PointScene,
+    geometry::{Frame, HomographyCovariance},
+    pairs::HomographyEstimate,
+    start::Constraint,
+    synthetic::PointScene,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

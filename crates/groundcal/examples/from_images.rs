@@ -4,7 +4,7 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
-    geometry::size::ImageSize,
+    geometry::ImageSize,
     vision::image::GrayImage,
 };
 

@@ -4,8 +4,8 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    pairs::correspondence::ImagePair,
-    synthetic::points::PointScene,
+    pairs::ImagePair,
+    synthetic::PointScene,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

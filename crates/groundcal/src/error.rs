@@ -132,7 +132,7 @@ impl Error {
     }
 
     /// What is wrong, with numbers.
-    pub fn finding(&self) -> String {
+    pub(crate) fn finding(&self) -> String {
         let plural = |n: usize| if n == 1 { "" } else { "s" };
         match self {
             Error::InvalidInput(what) => format!("unusable input: {what}"),

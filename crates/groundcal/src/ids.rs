@@ -10,12 +10,12 @@ macro_rules! index {
 
         impl $name {
             /// The index of a slice's element.
-            pub const fn new(index: usize) -> Self {
+            pub(crate) const fn new(index: usize) -> Self {
                 Self(index)
             }
 
             /// Its place in the slice.
-            pub const fn index(self) -> usize {
+            pub(crate) const fn index(self) -> usize {
                 self.0
             }
         }

@@ -125,7 +125,7 @@ impl Remedy {
     /// A turn that tells the circular points well.
     pub const CLEAR_TURN: Remedy = Remedy::TurnCamera { from_deg: 15.0, to_deg: 60.0 };
     /// A tilt from which the focal length shows.
-    pub const TILT_DOWN: Remedy = Remedy::TiltDown { from_deg: 30.0, to_deg: 60.0 };
+    pub(crate) const TILT_DOWN: Remedy = Remedy::TiltDown { from_deg: 30.0, to_deg: 60.0 };
 
     /// Short name, stable across versions.
     pub fn code(&self) -> &'static str {
@@ -286,7 +286,7 @@ pub struct Plain;
 impl Wording for Plain {}
 
 /// What was found, and then what to do about it, any of it: "Finding. This, or that".
-pub fn sentence(finding: &str, remedies: &[Remedy], wording: &dyn Wording) -> String {
+pub(crate) fn sentence(finding: &str, remedies: &[Remedy], wording: &dyn Wording) -> String {
     let clauses: Vec<String> = remedies.iter().map(|r| wording.remedy(r)).collect();
     let mut advice = match clauses.split_last() {
         None => return finding.into(),

@@ -6,8 +6,8 @@
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     error::Error,
-    plan::{PlanOptions, Planner, carriers::Carrier},
-    synthetic::points::PointScene,
+    plan::{Carrier, PlanOptions, Planner},
+    synthetic::PointScene,
 };
 
 fn main() -> Result<(), Error> {

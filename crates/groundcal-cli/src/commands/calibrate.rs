@@ -4,12 +4,10 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{
-        HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, earlier::priors_of,
-    },
-    geometry::{camera::Camera, lens::Lens, size::ImageSize},
+    calibrate::{HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, priors_of},
+    geometry::{Camera, ImageSize, Lens},
     result::{Calibration, Warning},
-    start::linear_camera::GivenPrior,
+    start::GivenPrior,
     vision::image::GrayImage,
 };
 use groundcal_io::{
@@ -131,7 +129,7 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub(crate) attitude_sigma_deg: Option<f64>,
 
-    /// How far the camera's height over the floor strays between the views of an attitude, relative standard deviation (0: constant
+    /// How far the camera's height over the floor varies between the views of an attitude, relative standard deviation (0: constant
     /// height; 0.3 and more: free) [default: estimated]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) height_sigma: Option<f64>,

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 
 use crate::{
     args::OverwriteArg,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use groundcal::{
-    floor::points::{FloorPoint, ImagePoint, Length, MeasuringView, view_named},
+    floor::{FloorPoint, ImagePoint, Length, MeasuringView, view_named},
     result::Calibration,
 };
 use groundcal_io::import::groundcal_json;

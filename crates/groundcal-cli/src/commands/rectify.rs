@@ -5,10 +5,8 @@ use std::{fmt::Write, path::PathBuf};
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::{
-        layout::{self, DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, ResolutionError, sets_of_one_world},
-        placed::{Placed, placed},
-        rectify::{Mosaic, rectify},
-        view::{FloorGrid, FloorView},
+        DEFAULT_EXTENT_HEIGHTS, FloorGrid, FloorLayout, FloorView, MAX_PIXELS, Mosaic, Placed, ResolutionError, placed,
+        rectify, sets_of_one_world,
     },
     result::{Calibration, Method},
     vision::resample::{Pyramid, Raster, Resampled},
@@ -96,11 +94,11 @@ pub(crate) enum Up {
     Y,
 }
 
-impl From<Up> for layout::Up {
+impl From<Up> for groundcal::floor::Up {
     fn from(value: Up) -> Self {
         match value {
-            Up::Heading => layout::Up::Heading,
-            Up::Y => layout::Up::Y,
+            Up::Heading => groundcal::floor::Up::Heading,
+            Up::Y => groundcal::floor::Up::Y,
         }
     }
 }

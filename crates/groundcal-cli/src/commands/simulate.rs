@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 use groundcal_lab::studies::{catalogue::Study, figure4, setting::Asked};
 
 use crate::{

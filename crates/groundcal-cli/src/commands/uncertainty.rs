@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use groundcal::{
-    floor::projection::{CELLS, projection_uncertainty},
+    floor::{CELLS, projection_uncertainty},
     result::{Calibration, ProjectionUncertainty},
 };
 use groundcal_io::{import::groundcal_json, outputs::Request, text::shown};

@@ -7,7 +7,7 @@ use std::{
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    floor::undistort::{Fit, Undistortion},
+    floor::{Fit, Undistortion},
     result::Camera,
     vision::resample::{Pyramid, Raster, resample},
 };

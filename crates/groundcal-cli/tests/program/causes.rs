@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use crate::common::*;
-use groundcal::synthetic::points::{MotionSpec, PointScene};
+use groundcal::synthetic::{MotionSpec, PointScene};
 use tempfile::tempdir;
 
 /// The message, in lower case, for a CSV that has to be refused as degenerate.

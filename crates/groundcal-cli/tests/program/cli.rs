@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, path::Path, sync::OnceLock};
 
 use crate::common::*;
-use groundcal::synthetic::points::{MotionSpec, PointScene};
+use groundcal::synthetic::{MotionSpec, PointScene};
 use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},
     scene::{Camera, Group, Scene, View},
@@ -414,7 +414,11 @@ fn tripod_example_gives_the_true_camera_from_the_six_motions() {
         let turn = (turn + 180.0).rem_euclid(360.0) - 180.0;
         let found = number(motion, "/rotation_deg");
         assert!((found - turn).abs() < 0.5, "motion {i}: turn {found}, truth {turn}");
-        assert!((number(motion, "/rho") - 1.0).abs() < 0.01, "motion {i}: rho {}", motion["rho"]);
+        assert!(
+            (number(motion, "/height_ratio") - 1.0).abs() < 0.01,
+            "motion {i}: height_ratio {}",
+            motion["height_ratio"]
+        );
         let attitude = &json["attitudes"][motion["attitude"].as_u64().unwrap() as usize];
         for angle in ["/pitch_down_deg", "/roll_deg"] {
             let (found, wanted) = (number(attitude, angle), number(&views[2 * i], angle));
@@ -437,7 +441,7 @@ fn json_has_the_documented_keys() {
     has(&json["camera"]["distortion"], &["model", "k1", "k2", "p1", "p2"]);
     has(&json["standard_deviation"], &["fx", "fy", "cx", "cy", "skew", "k1", "k2"]);
     for motion in json["motions"].as_array().unwrap() {
-        has(motion, &["from", "to", "used", "rotation_deg", "rho", "matches", "rms_px", "reason"]);
+        has(motion, &["from", "to", "used", "rotation_deg", "height_ratio", "matches", "rms_px", "reason"]);
         assert_eq!(motion["reason"].is_null(), motion["used"] == true, "a reason for what is left out: {motion}");
     }
     assert_eq!(json["motions"].as_array().unwrap().len(), 66, "every pair of 12 images");

@@ -7,7 +7,7 @@ use std::{
     process::Command,
 };
 
-use groundcal::synthetic::points::PointScene;
+use groundcal::synthetic::PointScene;
 use serde_json::Value;
 
 /// What a run of the program gave.

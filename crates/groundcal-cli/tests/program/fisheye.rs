@@ -3,12 +3,8 @@
 use std::{collections::HashMap, path::Path, process::Command};
 
 use groundcal::{
-    geometry::{
-        intrinsics::Intrinsics,
-        lens::{Fisheye, Lens},
-        size::ImageSize,
-    },
-    synthetic::points::PointScene,
+    geometry::{Fisheye, ImageSize, Intrinsics, Lens},
+    synthetic::PointScene,
 };
 use serde_json::json;
 use tempfile::tempdir;

@@ -4,12 +4,8 @@ use std::{process::Command, sync::OnceLock};
 
 use crate::{common::*, readers::python};
 use groundcal::{
-    geometry::{
-        attitude::rotation_cam_from_world,
-        intrinsics::Intrinsics,
-        lens::{Lens, Radtan},
-    },
-    synthetic::points::{MotionSpec, PointScene},
+    geometry::{Intrinsics, Lens, Radtan, rotation_cam_from_world},
+    synthetic::{MotionSpec, PointScene},
 };
 use nalgebra::{Vector2, Vector3};
 use serde_json::{Value, json};

@@ -14,7 +14,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use groundcal::synthetic::points::PointScene;
+use groundcal::synthetic::PointScene;
 use serde_json::Value;
 use tempfile::tempdir;
 

@@ -7,7 +7,7 @@ use std::{
 
 use groundcal::{
     calibrate::{Observer, Options, Silent, calibrate_images, calibrate_matched_images},
-    pairs::correspondence::ImagePair,
+    pairs::ImagePair,
     result::{Calibration, Warning},
     vision::features::{detect, match_features},
 };
@@ -216,7 +216,7 @@ fn the_library_sets_it_aside_whatever_enters() {
     }
 }
 
-/// What is held before a fixed camera turns about an axis that strays, and the background that tells so is no longer among the matches.
+/// What is held before a fixed camera turns about an axis that varies, and the background that tells so is no longer among the matches.
 #[test]
 fn a_single_motion_before_a_still_background_may_stray() {
     let folder = set(|x, y| !(60..420).contains(&x) || !(60..340).contains(&y));

@@ -10,9 +10,9 @@ use std::{
 };
 
 use groundcal::{
-    floor::undistort::{Fit, Undistortion},
-    geometry::{camera::Camera, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    synthetic::points::PointScene,
+    floor::{Fit, Undistortion},
+    geometry::{Camera, ImageSize, Intrinsics, Lens},
+    synthetic::PointScene,
 };
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb};
 use nalgebra::Vector2;

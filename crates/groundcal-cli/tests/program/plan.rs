@@ -1,7 +1,7 @@
 //! `groundcal plan` from end to end.
 
 use crate::common::*;
-use groundcal::synthetic::points::{MotionSpec, PointScene};
+use groundcal::synthetic::{MotionSpec, PointScene};
 use serde_json::Value;
 use tempfile::tempdir;
 
@@ -82,7 +82,7 @@ fn what_is_known_of_camera_and_carrier_changes_the_plan() {
     let usual = f(&[]);
     assert!(f(&["--noise-px", "0.05", "--attitude-sigma-deg", "0"]) < 0.5 * usual);
     assert!(f(&["--attitude-sigma-deg", "1"]) > 1.5 * usual);
-    assert_eq!(codes(&plan_json(&["--attitude-sigma-deg", "1"])), ["large_strays"]);
+    assert_eq!(codes(&plan_json(&["--attitude-sigma-deg", "1"])), ["large_attitude_errors"]);
     assert!(f(&["--motions", "8"]) < usual);
     // A principal point that is known makes up for the one attitude.
     let known = ["--rig", "robot", "--prior", "cx=640+-1", "--prior", "cy=480+-1"];

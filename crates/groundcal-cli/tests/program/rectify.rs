@@ -248,7 +248,7 @@ fn poses_and_distances_agree_with_the_truth_within_their_error_bars() {
         let exact_floor = {
             let [pitch, roll, yaw] =
                 ["pitch_down_deg", "roll_deg", "yaw_deg"].map(|n| exact[n].as_f64().unwrap().to_radians());
-            let r = groundcal::geometry::attitude::rotation_cam_from_world(pitch, roll, yaw);
+            let r = groundcal::geometry::rotation_cam_from_world(pitch, roll, yaw);
             let k = Matrix3::new(705.0, 0.0, 409.5, 0.0, 705.0, 291.0, 0.0, 0.0, 1.0);
             let c = centre(exact);
             (k * Matrix3::from_columns(&[r.column(0).into_owned(), r.column(1).into_owned(), -(r * c)]))

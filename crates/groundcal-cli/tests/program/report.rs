@@ -4,7 +4,7 @@
 use std::{path::Path, process::Command, sync::OnceLock};
 
 use crate::common::*;
-use groundcal::synthetic::points::PointScene;
+use groundcal::synthetic::PointScene;
 use groundcal_lab::renderer::{
     render::Renderer,
     scene::{Boxes, Camera, FloorBox, Group, Scene, View},
@@ -15,7 +15,7 @@ use serde_json::Value;
 use tempfile::{TempDir, tempdir};
 
 /// Most bytes of a page of twelve images.
-const MOST_BYTES: usize = 5_000_000;
+const MAX_BYTES: usize = 5_000_000;
 
 /// A page and the numbers in it.
 struct Page {
@@ -144,12 +144,12 @@ fn a_wrong_motion_is_shown_with_its_reason_or_its_residuals() {
         }
         (page, motions)
     };
-    // Views may stray: those of the wrong motion are seen to.
+    // Views may vary: those of the wrong motion are seen to.
     let (soft, motions) = of(&[]);
     for m in &motions {
         let wrong = m["from"] == "03a.png";
         let apart = number(m, "/apart_deg");
-        // Four motions, each of which may stray, tell attitudes to a few tenths of a degree.
+        // Four motions, each of which may vary, tell attitudes to a few tenths of a degree.
         assert!(if wrong { (apart - 4.0).abs() < 0.4 } else { apart < 0.4 }, "{m}");
         assert_eq!(m["attention"].is_string(), wrong, "{m}");
     }
@@ -226,7 +226,7 @@ fn a_moved_object_gathers_the_rejected_matches() {
 fn the_page_of_twelve_images_is_whole_and_small() {
     let Page { html, data } = tripod();
     println!("{} bytes", html.len());
-    assert!(html.len() < MOST_BYTES);
+    assert!(html.len() < MAX_BYTES);
     // Nothing is fetched from anywhere.
     for reference in ["http:", "https:", "src=", "url(\"", "@import", "<link"] {
         assert!(!html.contains(reference), "{reference}");

@@ -13,9 +13,9 @@ use crate::{
     readers::python,
 };
 use groundcal::{
-    geometry::lens::{Division, Fisheye, Lens, Radtan},
+    geometry::{Division, Fisheye, Lens, Radtan},
     result::{DistortionReport, LensSource},
-    synthetic::points::PointScene,
+    synthetic::PointScene,
 };
 
 /// Keywords that are understood here.

@@ -4,9 +4,9 @@ use std::process::Command;
 
 use crate::common::*;
 use groundcal::{
-    floor::view::FloorView,
-    geometry::{intrinsics::Intrinsics, lens::Lens, plane_view::View},
-    synthetic::points::PointScene,
+    floor::FloorView,
+    geometry::{Intrinsics, Lens, View},
+    synthetic::PointScene,
 };
 use nalgebra::{Rotation2, Vector2};
 use rand::{RngExt, SeedableRng};

@@ -5,7 +5,7 @@
 
 use std::fmt::Write;
 
-use groundcal::geometry::lens::Lens;
+use groundcal::geometry::Lens;
 use nalgebra::{Rotation3, UnitQuaternion};
 
 use crate::{

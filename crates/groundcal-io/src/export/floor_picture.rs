@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use groundcal::{
-    floor::view::{FloorGrid, FloorView},
-    geometry::{camera::Camera, lens::Lens},
+    floor::{FloorGrid, FloorView},
+    geometry::{Camera, Lens},
 };
 use nalgebra::Matrix3;
 use serde::Serialize;
@@ -130,7 +130,7 @@ fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::size::ImageSize;
+    use groundcal::geometry::ImageSize;
     use nalgebra::Vector2;
 
     use super::*;

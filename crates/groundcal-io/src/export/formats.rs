@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use groundcal::{
-    geometry::{camera::Camera, lens::Lens},
+    geometry::{Camera, Lens},
     result::Calibration,
 };
 
@@ -212,11 +212,7 @@ pub fn write_formats(
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::{
-        intrinsics::Intrinsics,
-        lens::{Division, Fisheye, Radtan},
-        size::ImageSize,
-    };
+    use groundcal::geometry::{Division, Fisheye, ImageSize, Intrinsics, Radtan};
 
     use super::*;
     use crate::import::parse;

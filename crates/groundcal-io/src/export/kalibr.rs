@@ -1,6 +1,6 @@
 //! `camchain.yaml`, as Kalibr writes and reads it.
 
-use groundcal::{geometry::lens::Lens, result::PixelCentre};
+use groundcal::{geometry::Lens, result::PixelCentre};
 
 use crate::{
     error::IoError,

@@ -3,7 +3,7 @@
 //! Camera axes are OpenGL's (x right, y up, z backward); `transform_matrix` takes camera coordinates to the world:
 //! Rᵀ diag(1, -1, -1) beside the optical centre. Pixels are counted from the corner of the image: cx and cy are ours plus ½.
 
-use groundcal::geometry::lens::Lens;
+use groundcal::geometry::Lens;
 use serde::Serialize;
 
 use crate::{

@@ -1,6 +1,6 @@
 //! Numbers as every reader of YAML takes them, and the nine numbers of K.
 
-use groundcal::geometry::intrinsics::Intrinsics;
+use groundcal::geometry::Intrinsics;
 
 /// A number that every YAML reader takes for one: YAML 1.1 (PyYAML) wants a point in the mantissa and a sign in the exponent.
 /// Shortest digits that read back exactly.

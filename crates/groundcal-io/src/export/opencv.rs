@@ -1,6 +1,6 @@
 //! `camera_opencv.yaml`, as `cv2.FileStorage` reads it.
 
-use groundcal::geometry::lens::Lens;
+use groundcal::geometry::Lens;
 
 use crate::{
     error::IoError,

@@ -1,6 +1,6 @@
 //! `camera_info.yaml`, as ROS's camera_info_manager and camera_calibration_parsers read it.
 
-use groundcal::{geometry::lens::Lens, result::PixelCentre};
+use groundcal::{geometry::Lens, result::PixelCentre};
 
 use crate::{
     error::IoError,

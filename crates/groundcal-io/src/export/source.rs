@@ -1,7 +1,7 @@
 //! What is written: a camera, and what a calibration knows beside it.
 
 use groundcal::{
-    geometry::camera::Camera,
+    geometry::Camera,
     result::{Calibration, Parameter},
 };
 

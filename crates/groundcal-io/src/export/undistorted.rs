@@ -3,12 +3,9 @@
 use std::{io::Cursor, path::Path};
 
 use groundcal::{
-    floor::undistort::Fit,
-    geometry::{intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    result::{
-        Camera, LensSource, PixelCentre,
-        calibration::{FORMAT_VERSION, SCHEMA_VERSION},
-    },
+    floor::Fit,
+    geometry::{ImageSize, Intrinsics, Lens},
+    result::{Camera, FORMAT_VERSION, LensSource, PixelCentre, SCHEMA_VERSION},
 };
 use serde::Serialize;
 use tiff::encoder::{TiffEncoder, colortype::Gray32Float};

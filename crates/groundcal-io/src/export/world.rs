@@ -38,7 +38,7 @@ impl<'a> World<'a> {
         let inside = |v: &&ViewReport| Some(v.origin.as_str()) == origin;
         let poses = placed().filter(inside).filter_map(|v| {
             let [pitch, roll, yaw] = [v.pitch_down_deg, v.roll_deg, v.yaw_deg].map(f64::to_radians);
-            let r_cam_from_world = groundcal::geometry::attitude::rotation_cam_from_world(pitch, roll, yaw);
+            let r_cam_from_world = groundcal::geometry::rotation_cam_from_world(pitch, roll, yaw);
             Some(Pose { image: &v.image, r_cam_from_world, centre: v.position?.into() })
         });
         let metres = calibration.camera_height_m.is_some();

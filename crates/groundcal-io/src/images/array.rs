@@ -1,6 +1,6 @@
 //! Pictures that are in memory already, another program's arrays: below what makes grey values of them.
 
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 
 /// Samples of a picture, row by row, the channels of a pixel together.
 #[derive(Debug, Clone, Copy)]

@@ -12,9 +12,9 @@ use std::{
 use crate::text::name_text;
 
 /// The longest that a converter may take.
-const PATIENCE: Duration = Duration::from_secs(120);
+const TIMEOUT: Duration = Duration::from_secs(120);
 /// Between looks at it.
-const NAP: Duration = Duration::from_millis(10);
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 
 /// A kind of image that is not read here.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -179,7 +179,7 @@ fn run(program: &Path, arguments: &[&str], input: &Path, output: &Path) -> bool 
     loop {
         match child.try_wait() {
             Ok(Some(status)) => return status.success() && output.is_file(),
-            Ok(None) if start.elapsed() < PATIENCE => std::thread::sleep(NAP),
+            Ok(None) if start.elapsed() < TIMEOUT => std::thread::sleep(POLL_INTERVAL),
             _ => {
                 let _ = child.kill();
                 let _ = child.wait();

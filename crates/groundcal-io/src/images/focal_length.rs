@@ -7,7 +7,7 @@
 use std::io::Cursor;
 
 use exif::{Exif, In, Reader, Tag};
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 
 /// Diagonal of 36 x 24 mm.
 const DIAGONAL_35_MM: f64 = 43.266_615_305_567_87;
@@ -31,7 +31,7 @@ pub(super) fn focal_length_px(stated_mm: impl IntoIterator<Item = Option<u32>>, 
 /// no lens has, or was cropped to `size` since.
 ///
 /// ```
-/// use groundcal::geometry::size::ImageSize;
+/// use groundcal::geometry::ImageSize;
 /// use groundcal_io::images::stated_focal_length_mm;
 ///
 /// // A TIFF of nothing but FocalLengthIn35mmFilm = 26 in its Exif directory.

@@ -18,7 +18,7 @@ use crate::{
 };
 
 /// Images that a message names.
-const MOST_NAMED: usize = 5;
+const MAX_NAMED: usize = 5;
 
 /// The masks of some images, found but not yet read.
 ///
@@ -78,7 +78,7 @@ impl MaskFiles {
             }
         }
         let refused = |what: &str, names: &[String], help: &str| {
-            let some = some_of(names.iter().map(String::as_str), MOST_NAMED);
+            let some = some_of(names.iter().map(String::as_str), MAX_NAMED);
             let (folder, count, all) = (shown(given), names.len(), images.len());
             Err(IoError::Input(format!(
                 "the folder of masks {folder} has {what} for {count} of {all} images: {some}. {help}"

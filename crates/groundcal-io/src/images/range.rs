@@ -21,7 +21,7 @@ const SAMPLES: usize = 8_000;
 /// Part of the values left out at each end.
 const TAIL: f64 = 0.001;
 /// Part of the range that values must use.
-const LEAST_PART: f64 = 0.125;
+const MIN_PART: f64 = 0.125;
 /// Part of lo..hi added on both sides.
 const MARGIN: f64 = 0.05;
 
@@ -133,7 +133,7 @@ impl Values {
             _ => ((self.greatest.max(1.0) + 1.0).log2().ceil().exp2() - 1.0).max(255.0),
         };
         // An image of one value has no range to stretch.
-        if hi > lo && (lo < -MARGIN * (hi - lo) || hi - lo < LEAST_PART * white) {
+        if hi > lo && (lo < -MARGIN * (hi - lo) || hi - lo < MIN_PART * white) {
             let margin = MARGIN * (hi - lo);
             return ValueRange { black: lo - margin, white: hi + margin };
         }
@@ -218,7 +218,7 @@ fn short(value: f64) -> String {
 
 #[cfg(test)]
 mod tests {
-    use groundcal::geometry::size::ImageSize;
+    use groundcal::geometry::ImageSize;
 
     use super::*;
 

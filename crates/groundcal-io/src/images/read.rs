@@ -140,7 +140,7 @@ fn in_one_range(mut all: Vec<Loaded>) -> Images {
 /// Pictures in memory, collected one by one, as [`read_images`] would give them had they come from files.
 ///
 /// ```
-/// use groundcal::geometry::size::ImageSize;
+/// use groundcal::geometry::ImageSize;
 /// use groundcal_io::images::{ArrayImage, Arrays, Pixels};
 ///
 /// let blue = [255u8, 0, 0].repeat(12);

@@ -3,7 +3,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 use groundcal::observer::Silent;
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use tiff::encoder::{TiffEncoder, TiffKindBig, colortype};

@@ -3,7 +3,7 @@
 
 use std::io::Cursor;
 
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 use image::metadata::Orientation;
 use tiff::{
     ColorType,

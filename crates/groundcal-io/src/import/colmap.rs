@@ -1,7 +1,7 @@
 //! COLMAP's cameras.txt: CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]. COLMAP counts pixels from the corner of the image: its cx and cy less ½
 //! are ours.
 
-use groundcal::geometry::{intrinsics::Intrinsics, lens::Lens};
+use groundcal::geometry::{Intrinsics, Lens};
 
 use crate::{
     import::{

@@ -5,10 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use groundcal::result::{
-    Calibration, Covariance, Parameter,
-    calibration::{FORMAT_VERSION, SCHEMA_VERSION},
-};
+use groundcal::result::{Calibration, Covariance, FORMAT_VERSION, Parameter, SCHEMA_VERSION};
 
 use crate::{
     error::IoError,
@@ -223,8 +220,8 @@ fn covariance_of_parameters(c: &Calibration) -> Option<Covariance<Parameter>> {
 mod tests {
     use super::*;
     use groundcal::{
-        floor::placed::placed,
-        geometry::size::ImageSize,
+        floor::placed,
+        geometry::ImageSize,
         result::{LensSource, Method, Scene, Warning},
     };
 
@@ -258,6 +255,20 @@ mod tests {
     }
 
     #[test]
+    fn names_of_earlier_versions_are_read() {
+        let motion = r#""used": true, "attitude": 0}"#;
+        let earlier = r#""used": false, "tie": true, "rho": 1.25, "rho_sigma": 0.5, "attitude": null}"#;
+        let strays = r#"{"code": "large_strays", "numbers": {"sigma_deg": 0.5, "checked_deg": 0.15}, "message": "w"}"#;
+        let text = SMALL.replace(motion, earlier).replace(r#""warnings": ["#, &format!(r#""warnings": [{strays}, "#));
+        let c = parse(&text).unwrap();
+        let m = &c.motions[0];
+        assert_eq!((m.cross_attitude_link, m.height_ratio, m.height_ratio_sigma), (true, Some(1.25), Some(0.5)));
+        assert_eq!(c.warnings[0].code(), "large_attitude_errors");
+        let again = serde_json::to_string(&c).unwrap();
+        assert!(again.contains("\"height_ratio\":1.25") && !again.contains("\"rho\""), "{again}");
+    }
+
+    #[test]
     fn without_views_the_attitudes_of_the_motions_serve() {
         let mut c = parse(SMALL).unwrap();
         c.views.clear();
@@ -280,9 +291,9 @@ mod tests {
         wrong("\"fx\": 700.0,", "", &["camera: there is no `fx`"]);
         wrong("\"fx\": 700.0", "\"fx\": \"wide\"", &["camera.fx: found the text \"wide\", expected a number"]);
         wrong("[800, 600]", "[100000, 100000]", &["camera.image_size", "megapixels"]);
-        wrong("\"format_version\": 1", "\"format_version\": 7", &["format_version is 7", "reads 1"]);
+        wrong("\"format_version\": 1", "\"format_version\": 7", &["format_version is 7", "reads 1 to 2"]);
         let later = "\"format_version\": 1, \"schema_version\": 9";
-        wrong("\"format_version\": 1", later, &["schema_version is 9", "reads 1 to 5"]);
+        wrong("\"format_version\": 1", later, &["schema_version is 9", "reads 1 to 6"]);
         wrong("\"format_version\": 1,", "", &["no format_version", "calibration.json"]);
         wrong("radtan", "omni", &["omni", "radtan"]);
         wrong("\"joint\"", "\"magic\"", &["magic", "rotating"]);

@@ -1,7 +1,7 @@
 //! A camera as the formats give it: below them all.
 
 use groundcal::{
-    geometry::{intrinsics::Intrinsics, lens::Lens, size::ImageSize},
+    geometry::{ImageSize, Intrinsics, Lens},
     result::{Covariance, LensSource, Parameter},
 };
 

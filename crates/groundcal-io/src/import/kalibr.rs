@@ -1,6 +1,6 @@
 //! Kalibr's camchain.yaml: cam0, cam1, ... Pixels are counted as here.
 
-use groundcal::geometry::{intrinsics::Intrinsics, lens::Lens};
+use groundcal::geometry::{Intrinsics, Lens};
 
 use crate::{
     import::{

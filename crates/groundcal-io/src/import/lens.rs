@@ -1,6 +1,6 @@
 //! Lens coefficients as lists.
 
-use groundcal::geometry::lens::{Fisheye, Lens, Radtan};
+use groundcal::geometry::{Fisheye, Lens, Radtan};
 
 /// Names of the equidistant fisheye of Kannala and Brandt in files, in small letters.
 const FISHEYE: [&str; 8] = [

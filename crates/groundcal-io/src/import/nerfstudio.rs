@@ -5,10 +5,7 @@
 
 use std::collections::HashMap;
 
-use groundcal::geometry::{
-    intrinsics::Intrinsics,
-    lens::{Lens, Radtan},
-};
+use groundcal::geometry::{Intrinsics, Lens, Radtan};
 
 use crate::{
     import::{

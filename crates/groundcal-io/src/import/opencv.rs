@@ -4,10 +4,7 @@
 //! A file of a stereo pair holds `M1, D1, M2, D2` or `K1`, `cameraMatrix1`, `camera_matrix_left`, ...: each is a camera by the name of
 //! its matrix.
 
-use groundcal::geometry::{
-    intrinsics::Intrinsics,
-    lens::{Lens, Radtan},
-};
+use groundcal::geometry::{Intrinsics, Lens, Radtan};
 
 use crate::{
     import::{

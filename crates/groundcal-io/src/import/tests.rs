@@ -1,8 +1,4 @@
-use groundcal::geometry::{
-    intrinsics::Intrinsics,
-    lens::{Fisheye, Lens, Radtan},
-    size::ImageSize,
-};
+use groundcal::geometry::{Fisheye, ImageSize, Intrinsics, Lens, Radtan};
 use groundcal::result::Parameter;
 
 use crate::import::{ImportedCamera, formats::parse, read_camera};

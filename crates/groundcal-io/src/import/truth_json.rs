@@ -1,6 +1,6 @@
 //! truth.json of a rendered scene (docs/formats.md).
 
-use groundcal::geometry::{intrinsics::Intrinsics, lens::Lens};
+use groundcal::geometry::{Intrinsics, Lens};
 
 use crate::{
     import::{imported::ImportedCamera, node::Node},

@@ -11,7 +11,7 @@ mod tracks_csv;
 
 use std::path::Path;
 
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 
 use crate::{error::IoError, text::some_of};
 
@@ -39,7 +39,7 @@ pub enum PairChoice<'a> {
 /// [`IoError::File`] with the line at fault.
 ///
 /// ```
-/// use groundcal::geometry::size::ImageSize;
+/// use groundcal::geometry::ImageSize;
 /// use groundcal_io::matches::{PairChoice, read_matches};
 ///
 /// # let folder = tempfile::tempdir()?;

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use groundcal::floor::odometry::BasePose;
+use groundcal::floor::BasePose;
 
 use crate::{
     error::IoError,

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use groundcal::{geometry::size::ImageSize, pairs::correspondence::ImagePair};
+use groundcal::{geometry::ImageSize, pairs::ImagePair};
 
 use crate::note::Note;
 
 /// Part of the image that points must reach in one direction at least. Whatever is photographed, in some image it reaches beyond the
 /// top left quarter.
-const LEAST_REACH: f64 = 0.5;
+const MIN_EXTENT_FRACTION: f64 = 0.5;
 
 /// Matches of pairs of images, from a CSV.
 #[derive(Debug, Clone)]
@@ -31,7 +31,7 @@ impl PointPairs {
         let points = || self.pairs.iter().flat_map(|p| p.matches.iter().flat_map(|m| [m.a, m.b]));
         let right = points().map(|p| p.x).fold(0.0, f64::max);
         let bottom = points().map(|p| p.y).fold(0.0, f64::max);
-        if right < LEAST_REACH * size.width as f64 && bottom < LEAST_REACH * size.height as f64 {
+        if right < MIN_EXTENT_FRACTION * size.width as f64 && bottom < MIN_EXTENT_FRACTION * size.height as f64 {
             let what = format!(
                 "all points lie within the first {:.0} x {:.0} of {size} pixels: check the image size (--image-size)",
                 right.ceil(),

@@ -10,8 +10,8 @@ use std::{
 
 use csv::StringRecord;
 use groundcal::{
-    geometry::size::ImageSize,
-    pairs::correspondence::{PointMatch, validated},
+    geometry::ImageSize,
+    pairs::{PointMatch, validated},
 };
 
 use crate::{

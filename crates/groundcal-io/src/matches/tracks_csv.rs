@@ -3,8 +3,8 @@
 use std::collections::HashMap;
 
 use groundcal::{
-    geometry::size::ImageSize,
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::ImageSize,
+    pairs::{ImagePair, PointMatch},
 };
 
 use crate::{

@@ -6,13 +6,13 @@
 //!            points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{numerics::statistics::median, vision::image::GrayImage};
+use groundcal::{numerics::median, vision::image::GrayImage};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use crate::experiments::paths::edge_at;
 
 /// Fewest points of an ellipse.
-const FEWEST_POINTS: usize = 20;
+const MIN_POINTS: usize = 20;
 
 /// The edge near a chain of expected points, pixels.
 pub(crate) fn edge_points(picture: &GrayImage, expected: &[Vector2<f64>]) -> Vec<Vector2<f64>> {
@@ -39,7 +39,7 @@ pub(crate) fn axis_ratio(mut points: Vec<Vector2<f64>>) -> Option<f64> {
 
 /// The ratio of the axes of the ellipse of least squares, and the residuals of its equation.
 fn fit(points: &[Vector2<f64>]) -> Option<(f64, Vec<f64>)> {
-    if points.len() < FEWEST_POINTS {
+    if points.len() < MIN_POINTS {
         return None;
     }
     let n = points.len() as f64;
@@ -69,7 +69,7 @@ fn fit(points: &[Vector2<f64>]) -> Option<(f64, Vec<f64>)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::geometry::size::ImageSize;
+    use groundcal::geometry::ImageSize;
 
     #[test]
     fn the_ratio_of_half_an_ellipse_is_found() {

@@ -5,10 +5,10 @@ use std::fmt::Write;
 
 use groundcal::{
     error::Error,
-    floor::view::{FloorGrid, FloorView},
-    geometry::{plane_view::View, size::ImageSize},
+    floor::{FloorGrid, FloorView},
+    geometry::{ImageSize, View},
     result::Calibration,
-    start::absolute_conic::Constraint,
+    start::Constraint,
     vision::{
         image::GrayImage,
         resample::{Pyramid, Raster, resample},
@@ -35,7 +35,7 @@ const PAIRS: [(usize, usize); 1] = [(0, 1)];
 /// Ending of the picture of the floor.
 pub(crate) const ENDINGS: [&str; 1] = ["_floor.png"];
 /// How far the floor is rectified, in heights of the camera, and the side of its pixels at full size.
-const FARTHEST: f64 = 4.5;
+const RANGE_HEIGHTS: f64 = 4.5;
 const UNIT_PER_PX: f64 = 0.006;
 /// Boxes up to this height lie on the floor: paths, from this length on those that are parallel; down to that one the one across them;
 /// shorter ones are pieces of the arch.
@@ -144,7 +144,7 @@ fn rectify(setup: &Setup, source: &Pyramid, view: &FloorView) -> Result<Flat, La
     let heading = view.heading();
     let right = Vector2::new(heading.y, -heading.x);
     let side = UNIT_PER_PX * if setup.quick { 2.0 } else { 1.0 };
-    let grid = FloorGrid::covering(&view.seen_floor(source.picture().size(), FARTHEST), &right, side)
+    let grid = FloorGrid::covering(&view.seen_floor(source.picture().size(), RANGE_HEIGHTS), &right, side)
         .ok_or_else(|| LabError::Other("the floor seen has no extent".into()))?;
     let flat = resample(source, grid.size, |p| view.pixel_from_floor(&grid.floor_from_pixel(p)));
     let picture = RgbImage8 { size: grid.size, data: flat.picture.into_data() };
@@ -155,7 +155,7 @@ impl Flat {
     /// Where a pixel of the frame is on the rectified picture.
     fn place(&self, view: &FloorView, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let floor = view.floor_from_pixel(pixel)?;
-        ((floor - view.foot()).norm() < FARTHEST).then(|| self.grid.pixel_from_floor(&floor))
+        ((floor - view.foot()).norm() < RANGE_HEIGHTS).then(|| self.grid.pixel_from_floor(&floor))
     }
 
     fn on_white(&self) -> RgbImage8 {

@@ -4,8 +4,8 @@
 use groundcal::{
     calibrate::{Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches},
     error::Error,
-    pairs::correspondence::ImagePair,
-    start::absolute_conic::Constraint,
+    pairs::ImagePair,
+    start::Constraint,
 };
 
 use crate::{

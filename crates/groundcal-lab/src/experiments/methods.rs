@@ -8,21 +8,14 @@
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matched_images},
     error::Error,
-    geometry::{frame::Frame, intrinsics::Intrinsics},
-    pairs::{
-        circular_points::from_homography,
-        correspondence::{ImagePair, PointMatch},
-        placed_lens::PlacedLens,
-        refine::HomographyEstimate,
-        robust::estimate_robust,
-    },
+    geometry::{Frame, Intrinsics},
+    pairs::{HomographyEstimate, ImagePair, PlacedLens, PointMatch, estimate_robust, from_homography},
     remedy::Remedy,
     result::{Calibration, Parameter},
-    select::attitude_groups::{Motion, Sides},
+    select::{HorizonSides, Motion},
     start::{
-        absolute_conic::{Constraint, WeightedPoint, intrinsics_of},
-        rotating_camera::{RotatingOptions, Weighting, calibrate_rotating},
-        unweighted_camera::solve_unweighted_with_covariance,
+        Constraint, RotatingOptions, WeightedPoint, Weighting, calibrate_rotating, intrinsics_of,
+        solve_unweighted_with_covariance,
     },
     vision::{
         features::{detect, match_features},
@@ -118,7 +111,7 @@ pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> R
                 from: pair.from.into(),
                 to: pair.to.into(),
                 geometry,
-                sides: Sides::One,
+                sides: HorizonSides::One,
             });
             Ok((found.estimate, motion, found.inliers.len()))
         })
@@ -192,7 +185,7 @@ pub(crate) fn undistorted(pairs: &[ImagePair], c: &Calibration) -> Vec<ImagePair
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::synthetic::points::PointScene;
+    use groundcal::synthetic::PointScene;
 
     #[test]
     fn the_predicted_deviation_of_the_linear_method_is_that_of_its_errors() {

@@ -6,9 +6,9 @@ use std::fmt::Write;
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::frame::Frame,
-    pairs::correspondence::ImagePair,
-    start::absolute_conic::Constraint,
+    geometry::Frame,
+    pairs::ImagePair,
+    start::Constraint,
 };
 use rayon::prelude::*;
 

@@ -1,6 +1,6 @@
 //! The second experiment: a pan head that stands still, 13 pans, the elevation alone varied.
 
-use groundcal::start::absolute_conic::Constraint;
+use groundcal::start::Constraint;
 
 use crate::{
     error::LabError,

@@ -5,16 +5,16 @@
 //! line:                              total least squares; points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{numerics::statistics::median, vision::image::GrayImage};
+use groundcal::{numerics::median, vision::image::GrayImage};
 use nalgebra::{Matrix2, Vector2};
 
 /// How far an edge is looked for on either side of where it is expected, and the step, pixels.
-const REACH_PX: f64 = 5.0;
+const SEARCH_RANGE_PX: f64 = 5.0;
 const STEP_PX: f64 = 0.25;
 /// Least difference of grey values (0 to 1) across an edge.
-const LEAST_CONTRAST: f64 = 0.05;
+const MIN_CONTRAST: f64 = 0.05;
 /// Fewest points of a line.
-const FEWEST_POINTS: usize = 10;
+const MIN_POINTS: usize = 10;
 
 /// A straight edge as measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,7 +38,7 @@ pub(crate) fn edge_line(picture: &GrayImage, expected: &[Vector2<f64>]) -> Optio
 
 /// The strongest edge on a short line through a point.
 pub(crate) fn edge_at(picture: &GrayImage, p: &Vector2<f64>, normal: &Vector2<f64>) -> Option<Vector2<f64>> {
-    let steps = (REACH_PX / STEP_PX) as i64;
+    let steps = (SEARCH_RANGE_PX / STEP_PX) as i64;
     let margin = (1.0 / STEP_PX) as i64;
     let values: Vec<f64> = (-steps - margin..=steps + margin)
         .map(|i| bilinear(picture, &(p + normal * (i as f64 * STEP_PX))))
@@ -46,7 +46,7 @@ pub(crate) fn edge_at(picture: &GrayImage, p: &Vector2<f64>, normal: &Vector2<f6
     let width = 2 * margin as usize;
     let slopes: Vec<f64> = (0..values.len() - width).map(|i| (values[i + width] - values[i]).abs()).collect();
     let best = (1..slopes.len() - 1).max_by(|&i, &j| slopes[i].total_cmp(&slopes[j]))?;
-    if slopes[best] < LEAST_CONTRAST {
+    if slopes[best] < MIN_CONTRAST {
         return None;
     }
     let (before, at, after) = (slopes[best - 1], slopes[best], slopes[best + 1]);
@@ -73,7 +73,7 @@ fn bilinear(picture: &GrayImage, p: &Vector2<f64>) -> Option<f64> {
 fn fit(mut points: Vec<Vector2<f64>>) -> Option<EdgeLine> {
     let mut line = None;
     for _ in 0..4 {
-        if points.len() < FEWEST_POINTS {
+        if points.len() < MIN_POINTS {
             return None;
         }
         let n = points.len() as f64;
@@ -109,7 +109,7 @@ pub(crate) fn furthest_from_square_deg(lines: &[EdgeLine], across: &[EdgeLine]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::geometry::size::ImageSize;
+    use groundcal::geometry::ImageSize;
 
     /// A bright band across a grey picture, its two edges 2 degrees from parallel.
     #[test]

@@ -16,10 +16,10 @@ use std::{
 use groundcal::{
     calibrate::{Method, MotionModel, Options, Silent, calibrate_images, calibrate_matches},
     error::Error,
-    geometry::{intrinsics::Intrinsics, size::ImageSize},
-    pairs::correspondence::ImagePair,
+    geometry::{ImageSize, Intrinsics},
+    pairs::ImagePair,
     result::Calibration,
-    start::absolute_conic::Constraint,
+    start::Constraint,
     vision::{image::GrayImage, still::still_parts},
 };
 use groundcal_io::{

@@ -5,10 +5,10 @@ use std::{fmt::Write, path::Path};
 use groundcal::{
     calibrate::{MotionModel, Options},
     error::Error,
-    geometry::{frame::Frame, intrinsics::Intrinsics},
-    pairs::correspondence::ImagePair,
+    geometry::{Frame, Intrinsics},
+    pairs::ImagePair,
     result::Calibration,
-    start::absolute_conic::Constraint,
+    start::Constraint,
     vision::image::GrayImage,
 };
 use groundcal_io::images::read_image_bytes;

@@ -4,9 +4,9 @@
 use std::fmt::Write;
 
 use groundcal::{
-    geometry::intrinsics::Intrinsics,
-    numerics::statistics::spearman,
-    start::{absolute_conic::Constraint, linear_camera::CameraOptions},
+    geometry::Intrinsics,
+    numerics::spearman,
+    start::{CameraOptions, Constraint},
 };
 use groundcal_report::{
     canvas::{png, svg},

@@ -1,6 +1,6 @@
 //! The first experiment: a tripod moved over the floor, 14 motions of varied roll.
 
-use groundcal::start::absolute_conic::Constraint;
+use groundcal::start::Constraint;
 
 use crate::{
     error::LabError,

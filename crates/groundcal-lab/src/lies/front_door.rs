@@ -4,7 +4,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images, calibrate_matches},
-    geometry::size::ImageSize,
+    geometry::ImageSize,
     result::{Calibration, ResidualReport},
 };
 

@@ -36,7 +36,7 @@ pub(crate) struct Optics {
 }
 
 /// No ray further off the axis than this is looked at: 86 degrees for lenses of tangents.
-const LARGEST_TANGENT: f64 = 14.0;
+const MAX_TANGENT: f64 = 14.0;
 
 impl Optics {
     /// fx, fy, cx, cy: what a calibration should say.
@@ -76,7 +76,7 @@ impl Bending {
             let unit = if side > 0.0 { ray.xy() / side } else { Vector2::zeros() };
             return (angle < 1.7).then(|| unit * angle);
         }
-        if ray.z <= side / LARGEST_TANGENT {
+        if ray.z <= side / MAX_TANGENT {
             return None;
         }
         let ideal = ray.xy() / ray.z;
@@ -142,7 +142,7 @@ fn decentring([p1, p2]: &[f64; 2], p: &Vector2<f64>) -> Vector2<f64> {
 fn fold(radial: &[f64; 3]) -> f64 {
     const STEP: f64 = 0.02;
     if *radial == [0.0; 3] {
-        return LARGEST_TANGENT;
+        return MAX_TANGENT;
     }
     let mut tangent = STEP;
     while tangent < 3.0 && radial_slope(radial, tangent * tangent) > 0.02 {

@@ -1,7 +1,7 @@
 //! Matches of a scene without pictures: points of the surfaces, found in each picture with noise, matched by identity, some of them
 //! wrongly. A point has one position in a picture, whichever pair it is matched in, as features have.
 
-use groundcal::pairs::correspondence::{ImagePair, PointMatch};
+use groundcal::pairs::{ImagePair, PointMatch};
 use nalgebra::{Vector2, Vector3};
 
 use crate::lies::{
@@ -24,12 +24,12 @@ struct Found {
 }
 
 /// Matchers lose a point whose size in the picture changes by more than this.
-const LARGEST_SCALE: f64 = 3.0;
+const MAX_SCALE: f64 = 3.0;
 /// Fewer matches than this are not written down.
-const FEWEST: usize = 6;
+const MIN_MATCHES: usize = 6;
 /// Up to this many pictures all pairs are matched; beyond, each with so many that follow it, round the ring.
 const ALL_PAIRS: usize = 12;
-const REACH: usize = 3;
+const NEIGHBOUR_RANGE: usize = 3;
 
 /// The matches of all pairs.
 pub(crate) fn matches(scene: &Scene) -> Vec<ImagePair> {
@@ -42,11 +42,11 @@ pub(crate) fn matches(scene: &Scene) -> Vec<ImagePair> {
         for to in from + 1..count {
             let apart = (to - from).min(from + count - to);
             let named = scene.named.as_ref().is_some_and(|n| n.contains(&(from, to)) || n.contains(&(to, from)));
-            if count > ALL_PAIRS && apart > REACH && !named {
+            if count > ALL_PAIRS && apart > NEIGHBOUR_RANGE && !named {
                 continue;
             }
             let matches = pair(scene, (from, to), &anchors, &found, &mut random);
-            if matches.len() >= FEWEST {
+            if matches.len() >= MIN_MATCHES {
                 pairs.push(ImagePair { from, to, matches });
             }
         }
@@ -200,7 +200,7 @@ fn pair(
         };
         let Some(mut b) = b else { continue };
         let scale = a.distance / b.distance;
-        if !(1.0 / LARGEST_SCALE..LARGEST_SCALE).contains(&scale) {
+        if !(1.0 / MAX_SCALE..MAX_SCALE).contains(&scale) {
             continue;
         }
         if let Some(times) = blur {

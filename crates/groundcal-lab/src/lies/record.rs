@@ -13,7 +13,7 @@ pub const LIE_SIGMAS: f64 = 4.0;
 /// From here on it counts as wrong.
 pub(crate) const WRONG_SIGMAS: f64 = 3.0;
 /// Errors in deviations are not told beyond this.
-const MOST_SIGMAS: f64 = 1e6;
+const MAX_SIGMAS: f64 = 1e6;
 const NUMBERS: [&str; 4] = ["fx", "fy", "cx", "cy"];
 
 /// What the program did.
@@ -126,7 +126,7 @@ impl SceneRecord {
         let errors = |truth: &[f64; 4]| -> [Option<f64>; 4] {
             std::array::from_fn(|i| {
                 let z = (answer.numbers[i] - truth[i]) / answer.sigmas[i]?;
-                Some(if z.is_nan() { MOST_SIGMAS } else { z.clamp(-MOST_SIGMAS, MOST_SIGMAS) })
+                Some(if z.is_nan() { MAX_SIGMAS } else { z.clamp(-MAX_SIGMAS, MAX_SIGMAS) })
             })
         };
         let nearest = truths.iter().min_by(|a, b| largest(&errors(a)).total_cmp(&largest(&errors(b))));

@@ -117,9 +117,7 @@ mod tests {
                 assert!(scene.views.len() >= 2 && !scene.truths.is_empty(), "{}", f.name);
                 let pairs = matches(&scene);
                 assert!(!pairs.is_empty(), "{} {index}: no matches", f.name);
-                let finite = |m: &groundcal::pairs::correspondence::PointMatch| {
-                    m.a.iter().chain(m.b.iter()).all(|v| v.is_finite())
-                };
+                let finite = |m: &groundcal::pairs::PointMatch| m.a.iter().chain(m.b.iter()).all(|v| v.is_finite());
                 assert!(pairs.iter().all(|p| p.matches.iter().all(finite)), "{}", f.name);
             }
         }

@@ -161,16 +161,16 @@ pub(crate) struct Scene {
 
 /// A point found by a ray.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Seen {
+pub(crate) struct RayHit {
     pub(crate) surface: usize,
     pub(crate) hit: Hit,
 }
 
 impl Scene {
     /// The first surface on a ray of a view.
-    pub(crate) fn cast(&self, view: usize, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<Seen> {
+    pub(crate) fn cast(&self, view: usize, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<RayHit> {
         let hits = self.surfaces.iter().enumerate();
-        hits.filter_map(|(surface, s)| Some(Seen { surface, hit: s.hit(view, origin, direction)? }))
+        hits.filter_map(|(surface, s)| Some(RayHit { surface, hit: s.hit(view, origin, direction)? }))
             .min_by(|a, b| a.hit.distance.total_cmp(&b.hit.distance))
     }
 

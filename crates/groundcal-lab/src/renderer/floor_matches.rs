@@ -10,7 +10,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::renderer::scene::{Scene, SceneError};
-use groundcal::pairs::correspondence::PointMatch;
+use groundcal::pairs::PointMatch;
 
 /// Points tried for each match asked for: views that share less floor than a hundredth of the image give fewer matches.
 const TRIES: usize = 100;

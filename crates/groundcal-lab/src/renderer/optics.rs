@@ -2,11 +2,7 @@
 
 use nalgebra::{Matrix2, Vector2, Vector3};
 
-use groundcal::geometry::{
-    camera::Camera,
-    intrinsics::Intrinsics,
-    lens::{Lens, Radtan},
-};
+use groundcal::geometry::{Camera, Intrinsics, Lens, Radtan};
 
 /// A camera, prepared for many pixels.
 #[derive(Debug, Clone)]

@@ -15,11 +15,10 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 use crate::renderer::noise;
-use groundcal::geometry::attitude::rotation_cam_from_world;
-use groundcal::geometry::camera;
-use groundcal::geometry::intrinsics::Intrinsics;
-use groundcal::geometry::lens::{Lens, Radtan};
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
+use groundcal::geometry::Intrinsics;
+use groundcal::geometry::rotation_cam_from_world;
+use groundcal::geometry::{Lens, Radtan};
 
 /// Pixels of a picture: about a gigabyte while it is rendered.
 const MAX_PIXELS: usize = 50_000_000;
@@ -180,8 +179,8 @@ impl Camera {
     }
 
     /// Size, camera matrix and lens.
-    pub fn model(&self) -> camera::Camera {
-        camera::Camera { size: self.size(), intrinsics: self.intrinsics(), lens: self.lens() }
+    pub fn model(&self) -> groundcal::geometry::Camera {
+        groundcal::geometry::Camera { size: self.size(), intrinsics: self.intrinsics(), lens: self.lens() }
     }
 }
 

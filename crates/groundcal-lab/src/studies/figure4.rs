@@ -14,30 +14,11 @@ use crate::studies::setting::{Asked, Attitudes, FOCAL_OVER_WIDTH, Setting};
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{
-        attitude::{angles_from_rotation, rotation_cam_from_world},
-        frame::Frame,
-        intrinsics::Intrinsics,
-        lens::Lens,
-        plane_view::View,
-    },
-    numerics::{
-        linalg::{ComplexPoint, complex_pair_eigen},
-        statistics::NORMAL_95,
-    },
-    pairs::{
-        correspondence::{ImagePair, PointMatch},
-        dlt::direct_linear_transformation,
-        refine::{RefineOptions, refine},
-    },
-    start::{
-        absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
-        rotating_camera::{RotatingOptions, Weighting, calibrate_rotating},
-    },
-    synthetic::{
-        bound::{HeightModel, cramer_rao_bound},
-        points::{MotionSpec, PointScene, REACH, SyntheticPair},
-    },
+    geometry::{Frame, Intrinsics, Lens, View, angles_from_rotation, rotation_cam_from_world},
+    numerics::{ComplexPoint, NORMAL_95, complex_pair_eigen},
+    pairs::{ImagePair, PointMatch, RefineOptions, direct_linear_transformation, refine},
+    start::{Constraint, RotatingOptions, Weighting, calibrate_rotating, intrinsics_of, solve_unweighted},
+    synthetic::{HeightModel, MotionSpec, NOMINAL_RANGE, PointScene, SyntheticPair, cramer_rao_bound},
 };
 
 /// One of the five studies.
@@ -297,7 +278,7 @@ pub fn scene(condition: &Condition, seed: u64, trial: u64) -> PointScene {
         matches,
         sigma_px: condition.noise_px,
         outlier_fraction: 0.0,
-        reach: REACH,
+        reach: NOMINAL_RANGE,
         seed: own_seed,
     }
 }

@@ -6,13 +6,9 @@
 
 use groundcal::{
     calibrate::{LensModel, MotionModel, Options, Silent, calibrate_matches},
-    geometry::{constraint::Constraint, intrinsics::Intrinsics, size::ImageSize},
-    pairs::correspondence::ImagePair,
-    synthetic::{
-        bound::plane_views_bound,
-        plane_views::PlaneViewScene,
-        points::{MotionSpec, PointScene},
-    },
+    geometry::{Constraint, ImageSize, Intrinsics},
+    pairs::ImagePair,
+    synthetic::{MotionSpec, PlaneViewScene, PointScene, plane_views_bound},
 };
 
 /// Numbers of views.

@@ -14,14 +14,12 @@ use crate::studies::{
     setting::Setting,
 };
 use groundcal::{
-    geometry::frame::Frame,
-    numerics::linalg::{ComplexPoint, complex_pair_eigen},
+    geometry::Frame,
+    numerics::{ComplexPoint, complex_pair_eigen},
     pairs::{
-        correspondence::PointMatch,
-        division::{DivisionModel, division_closed_form, refine_division},
-        refine::{HomographyEstimate, RefineOptions, refine},
+        DivisionModel, HomographyEstimate, PointMatch, RefineOptions, division_closed_form, refine, refine_division,
     },
-    start::absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
+    start::{Constraint, intrinsics_of, solve_unweighted},
 };
 
 /// True λ: a corner pulled in by a fifth (k1 near -0.08 for a focal length of 1000 px at 1280 x 960).

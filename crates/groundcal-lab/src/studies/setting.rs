@@ -4,7 +4,7 @@
 //! level, are as a head, a robot or a car has them: horizons are nearly parallel, and of the four unknowns of zero skew fx and the aspect
 //! ratio trade off. The paper's errors and the order of its methods are those of narrow attitudes and few matches.
 
-use groundcal::geometry::size::ImageSize;
+use groundcal::geometry::ImageSize;
 
 use crate::tables::six_digits_trimmed;
 

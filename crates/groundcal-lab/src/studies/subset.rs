@@ -6,19 +6,13 @@ use crate::studies::{
     setting::Setting,
 };
 use crate::subsets::rank_subsets;
-use groundcal::synthetic::bound::{HeightModel, cramer_rao_bound};
+use groundcal::synthetic::{HeightModel, cramer_rao_bound};
 use groundcal::{
-    geometry::frame::Frame,
-    numerics::{linalg::ComplexPoint, statistics::spearman},
-    pairs::{
-        circular_points::from_homography,
-        refine::{RefineOptions, refine},
-    },
-    select::attitude_groups::{Motion, Sides},
-    start::{
-        absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
-        linear_camera::CameraOptions,
-    },
+    geometry::Frame,
+    numerics::{ComplexPoint, spearman},
+    pairs::{RefineOptions, from_homography, refine},
+    select::{HorizonSides, Motion},
+    start::{CameraOptions, Constraint, intrinsics_of, solve_unweighted},
 };
 
 /// Motions of a scene.
@@ -63,7 +57,7 @@ pub fn trial(size: usize, setting: Setting, noise_px: f64, seed: u64, number: u6
         .map(|p| {
             let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).ok()?;
             let geometry = from_homography(&h).ok()?;
-            Some(Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: Sides::One })
+            Some(Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: HorizonSides::One })
         })
         .collect::<Option<_>>()?;
     let options = CameraOptions {

@@ -9,15 +9,12 @@ use crate::studies::{
     setting::Setting,
 };
 use crate::transfer::calibrate_transferred;
-use groundcal::synthetic::{
-    bound::{HeightModel, cramer_rao_bound},
-    points::{MotionSpec, PointScene, SyntheticPair},
-};
+use groundcal::synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound};
 use groundcal::{
-    geometry::frame::Frame,
-    numerics::linalg::{ComplexPoint, complex_pair_eigen},
-    pairs::refine::{HomographyEstimate, RefineOptions, refine},
-    start::absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
+    geometry::Frame,
+    numerics::{ComplexPoint, complex_pair_eigen},
+    pairs::{HomographyEstimate, RefineOptions, refine},
+    start::{Constraint, intrinsics_of, solve_unweighted},
 };
 
 /// Turn of the motion that is transferred where that of the others is varied, degrees.

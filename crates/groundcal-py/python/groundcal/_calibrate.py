@@ -223,7 +223,7 @@ def calibrate(
         principal_point_px: (x, y) where it is held, or the centre of its prior; the image centre by default.
         aspect: fy / fx where it is held, or the centre of its prior; 1 by default.
         attitude_sigma_deg: How far the camera pitches and rolls by itself between views, standard deviation in degrees; estimated.
-        height_sigma: How far its height strays, relative standard deviation; estimated.
+        height_sigma: How far its height varies, relative standard deviation; estimated.
         camera_height_m: Height of the camera at the first view, metres: gives positions in metres.
         pairs: The pairs that are motions, of names or indices, or a CSV of them; they are found by default.
         all_pairs_limit: Up to so many images all pairs are compared, beyond it neighbours.

@@ -349,7 +349,7 @@ class Calibration:
                 reason=m["reason"],
                 rotation_deg=m["rotation_deg"],
                 rotation_sigma_deg=m["rotation_sigma_deg"],
-                height_ratio=m["rho"],
+                height_ratio=m["height_ratio"],
                 matches=m["matches"],
                 rms_px=m["rms_px"],
                 attitude=m["attitude"],

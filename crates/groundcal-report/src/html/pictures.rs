@@ -2,8 +2,8 @@
 
 use base64::{Engine, engine::general_purpose::STANDARD};
 use groundcal::{
-    geometry::size::ImageSize,
-    result::evidence::Evidence,
+    geometry::ImageSize,
+    result::Evidence,
     vision::{
         image::GrayImage,
         resample::{Pyramid, Raster, Resampled, resample},
@@ -18,7 +18,7 @@ use crate::html::model::motions::{Motion, Overlay, size_of};
 /// Longer side of a thumbnail, and for how many images; of more they are smaller, so that the page stays small.
 const THUMBNAIL_PX: f64 = 640.0;
 const THUMBNAILS: f64 = 14.0;
-const LEAST_THUMBNAIL_PX: f64 = 160.0;
+const MIN_THUMBNAIL_PX: f64 = 160.0;
 const QUALITY: u8 = 72;
 /// Overlays are made for so many motions.
 pub(crate) const OVERLAYS: usize = 16;
@@ -46,7 +46,7 @@ pub(crate) struct Pictures {
 pub(crate) fn pictures(images: &[GrayImage], e: &Evidence, motions: &mut [Motion]) -> Result<Pictures, ReportError> {
     let pyramids: Vec<Pyramid> = images.par_iter().map(pyramid).collect::<Result<_, _>>()?;
     let shrink = (THUMBNAILS / images.len().max(1) as f64).sqrt().min(1.0);
-    let side = (THUMBNAIL_PX * shrink).max(LEAST_THUMBNAIL_PX);
+    let side = (THUMBNAIL_PX * shrink).max(MIN_THUMBNAIL_PX);
     let thumbnails = pyramids.par_iter().map(|p| thumbnail(p, side)).collect::<Result<_, _>>()?;
     let overlays = motions
         .par_iter_mut()

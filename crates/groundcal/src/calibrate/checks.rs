@@ -2,8 +2,8 @@
 
 use crate::{
     calibrate::{
-        attitude::Attitude, joint::Joint, lens_result::LensResult, names::Names, options::Method, solved::Solved,
-        stage_options::StageOptions,
+        attitude::Attitude, joint::JointSolution, lens_result::LensResult, names::Names, options::Method,
+        solved::Solved, stage_options::StageOptions,
     },
     error::Error,
     geometry::{intrinsics::Intrinsics, lens::Lens, parameters::PriorParameter},
@@ -16,16 +16,17 @@ use crate::{
 
 /// Standard deviation of fx, in percent, from which on its interval is only roughly one.
 const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
-/// Parameters whose priors, when they decide, are worth a warning: a good camera's aspect ratio and a lens without distortion are
-/// no news.
-const MATTERS: [PriorParameter; 4] = [PriorParameter::Fx, PriorParameter::Cx, PriorParameter::Cy, PriorParameter::Skew];
+/// Parameters whose priors, when they decide, are worth a warning: those of the aspect ratio and of the distortion decide for
+/// good cameras too.
+const WARNED_PRIORS: [PriorParameter; 4] =
+    [PriorParameter::Fx, PriorParameter::Cx, PriorParameter::Cy, PriorParameter::Skew];
 /// Posterior over prior deviation from which on the prior decided.
 const PRIOR_DECIDES: f64 = 0.7;
-/// Deviation of the principal point, as a fraction of the width, below which it counts as known.
+/// Standard deviation of the principal point, as a fraction of the width, below which it counts as known.
 const KNOWN_PRINCIPAL_POINT: f64 = 0.01;
 /// Share of the deviation of fx that comes from the lens, and how large that part must be in percent, to be worth a warning.
-const LENS_RULES: f64 = 0.8;
-const LENS_MATTERS_PERCENT: f64 = 1.0;
+const MIN_LENS_SHARE: f64 = 0.8;
+const MIN_LENS_PERCENT: f64 = 1.0;
 /// A slight distortion, of either sign, that goes unmodelled.
 const SLIGHT_K1: f64 = 0.05;
 /// How far a stated focal length may be from the true one, of its logarithm: whole millimetres are 4 % at 13 mm, 16:9 cut out of 3:2 is 5 %,
@@ -34,8 +35,8 @@ const STATED_TOLERANCE: f64 = 0.1;
 const UNEXPECTED_SIGMAS: f64 = 3.0;
 /// Spread of rolls, degrees, below which horizons count as parallel.
 const PARALLEL_DEG: f64 = 5.0;
-/// Probability, for all motions together, at which one of them strays.
-const STRAYS_P: f64 = 0.01;
+/// Significance level, for all motions together, of an attitude error that the others do not explain.
+const ATTITUDE_ERROR_P: f64 = 0.01;
 /// Pairs of different attitudes whose planes must contradict them to be worth a warning.
 const MIN_CONTRADICTIONS: usize = 2;
 
@@ -86,7 +87,7 @@ pub(super) fn doubts(
     warnings.extend(large_uncertainty(percent));
     warnings.extend(stages.options.stated_focal_px.and_then(|stated| unexpected_focal_length(solution, stated)));
     if let Some(joint) = &solved.joint {
-        warnings.extend(straying_motions(solved, joint, pairs, names));
+        warnings.extend(motions_with_attitude_errors(solved, joint, pairs, names));
         warnings.extend(joint.bundle.lever_arm.as_ref().and_then(|lever_arm| {
             let percent_of_distance = 100.0 * lever_arm.over_distance?;
             Some(Warning::LensOffAxis { percent_of_distance, fx_percent: 100.0 * lever_arm.ln_f_sigma })
@@ -116,7 +117,7 @@ fn uncertain_lens(solved: &Solved, lens: &LensResult) -> Option<Warning> {
     let solution = &solved.solution;
     let percent = 100.0 * solved.lens_share * solution.covariance_px[(0, 0)].sqrt() / solution.intrinsics.fx;
     let k1_sigma = lens.sigma(Parameter::K1)?;
-    (solved.lens_share > LENS_RULES && percent > LENS_MATTERS_PERCENT)
+    (solved.lens_share > MIN_LENS_SHARE && percent > MIN_LENS_PERCENT)
         .then_some(Warning::DistortionUncertain { percent, k1_sigma })
 }
 
@@ -168,33 +169,38 @@ fn disagreement(solved: &Solved) -> Option<Warning> {
 }
 
 fn deciding_priors(solved: &Solved) -> impl Iterator<Item = Warning> {
-    let decides = |p: &&PriorUse| MATTERS.contains(&p.parameter) && p.posterior_over_prior > PRIOR_DECIDES;
+    let decides = |p: &&PriorUse| WARNED_PRIORS.contains(&p.parameter) && p.posterior_over_prior > PRIOR_DECIDES;
     solved.solution.priors.iter().filter(decides).map(|prior| Warning::PriorDecides {
         parameter: prior.parameter,
         posterior_over_prior: prior.posterior_over_prior,
     })
 }
 
-/// Motions whose views' attitudes stray from their group's by more than σ_a explains: chi-squared of their four deviations.
-fn straying_motions(solved: &Solved, joint: &Joint, pairs: &[PairObservation], names: Names<'_>) -> Vec<Warning> {
+/// Motions whose views' attitude errors are larger than σ_a explains: chi-squared of their four errors.
+fn motions_with_attitude_errors(
+    solved: &Solved,
+    joint: &JointSolution,
+    pairs: &[PairObservation],
+    names: Names<'_>,
+) -> Vec<Warning> {
     let sigma = joint.bundle.attitude_sigma.sigma;
     let delta = |image: ImageId| {
         let view = joint.views.of(image)?;
         Some(joint.bundle.state.frames[view.index()].delta_rad)
     };
-    let strays = |&id: &PairId| {
+    let inconsistent = |&id: &PairId| {
         let pair = &pairs[id];
         let (a, b) = (delta(pair.from)?, delta(pair.to)?);
         let frames = joint.views.of_pair(pair)?.map(ViewId::index);
-        let known = frames.iter().any(|frame| joint.bundle.stray_frames.contains(frame));
+        let known = frames.iter().any(|frame| joint.bundle.outlier_frames.contains(frame));
         let squares = a.iter().chain(&b).map(|d| (d / sigma).powi(2)).sum::<f64>();
-        let improbable = chi_squared_survival(squares, 4) < STRAYS_P / solved.used.len() as f64;
-        (known || sigma > 0.0 && improbable).then(|| Warning::MotionStrays {
+        let improbable = chi_squared_survival(squares, 4) < ATTITUDE_ERROR_P / solved.used.len() as f64;
+        (known || sigma > 0.0 && improbable).then(|| Warning::MotionAttitudeError {
             from: names.of(pair.from),
             to: names.of(pair.to),
             apart_deg: (a[0] - b[0]).hypot(a[1] - b[1]).to_degrees(),
             sigma_deg: sigma.to_degrees(),
         })
     };
-    solved.used.iter().filter_map(strays).collect()
+    solved.used.iter().filter_map(inconsistent).collect()
 }

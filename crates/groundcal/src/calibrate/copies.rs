@@ -26,11 +26,11 @@ use crate::{
 /// by 0.07 to 0.7.)
 const DISPLACED_PX: f64 = 0.1;
 /// Part of the matches that must say so: the rest are wrong matches, or things that moved.
-const MOST: f64 = 0.9;
+const MIN_UNMOVED_FRACTION: f64 = 0.9;
 /// Matches of a pair that are compared with those of others: of a hundred in common all have the same least keys.
-const SKETCH: usize = 64;
+const SKETCH_SIZE: usize = 64;
 /// Matches that two pairs must have in common: by chance they have none.
-const FEWEST: usize = 4;
+const MIN_COMMON_MATCHES: usize = 4;
 
 /// Leaves, of pairs of the same two pictures, one to show a motion: that of the first of each where there is such a pair, else that of most
 /// matches. What is first is said by an order that does not hang on names. Returns each image that is a copy, after the one it is a copy of.
@@ -115,7 +115,7 @@ fn is_of_one_picture(pair: &PairObservation) -> bool {
     let Some(plane) = pair.plane().filter(|plane| plane.is_static) else { return false };
     let stays = |k: &&usize| (pair.matches[**k].b - pair.matches[**k].a).norm() < DISPLACED_PX;
     let staying = plane.inliers.iter().filter(stays).count();
-    staying >= FEWEST && staying as f64 >= MOST * plane.inliers.len() as f64
+    staying >= MIN_COMMON_MATCHES && staying as f64 >= MIN_UNMOVED_FRACTION * plane.inliers.len() as f64
 }
 
 /// Images that stand for each other in pairs that have their matches in common.
@@ -134,7 +134,7 @@ fn same_under_other_names(pairs: &[PairObservation]) -> Vec<[ImageId; 2]> {
     }
     let alike = in_common.into_iter().filter(|&([p, q], common)| {
         let fewer = sketches[p].len().min(sketches[q].len());
-        common >= FEWEST && common as f64 >= MOST * fewer as f64
+        common >= MIN_COMMON_MATCHES && common as f64 >= MIN_UNMOVED_FRACTION * fewer as f64
     });
     alike.flat_map(|([p, q], _)| corresponding(&pairs[p], &pairs[q])).collect()
 }
@@ -155,9 +155,9 @@ fn corresponding(p: &PairObservation, q: &PairObservation) -> [[ImageId; 2]; 2] 
 fn sketch(pair: &PairObservation) -> Vec<u64> {
     let of_match = |m: &PointMatch| key(&[m.a.x, m.a.y, m.b.x, m.b.y]).wrapping_add(key(&[m.b.x, m.b.y, m.a.x, m.a.y]));
     let mut keys: Vec<u64> = pair.matches.iter().map(of_match).collect();
-    if keys.len() > SKETCH {
-        keys.select_nth_unstable(SKETCH);
-        keys.truncate(SKETCH);
+    if keys.len() > SKETCH_SIZE {
+        keys.select_nth_unstable(SKETCH_SIZE);
+        keys.truncate(SKETCH_SIZE);
     }
     keys.sort_unstable();
     keys.dedup();

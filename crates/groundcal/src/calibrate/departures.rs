@@ -4,12 +4,12 @@
 //! pixel_i = e^φi (K lens(x) - c) + c + s_i,   x turned by v w_i about the plane's normal;   φ ~ N(0, σ_f²), w ~ N(0, σ_w²), s ~ N(0, σ_s²)
 //! ```
 //!
-//! None of this need show in the residuals either: attitudes that may stray, and heights, follow. So each kind of departure is
+//! None of this need show in the residuals either: attitude and height errors, which are estimated, follow. So each kind of departure is
 //! tried, its deviation estimated as the others are (restricted likelihood), and kept where the evidence
 //! ([`crate::refine::Bundle`]) is for it by [`RELEASE_ODDS`](super::prior_conflicts), in which its freedom has its price.
 
 use crate::{
-    calibrate::matter::{Matter, Refined, RefinementOptions},
+    calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
     error::Error,
     refine::{DepartureKind, blocks::MATRIX},
     result::{PictureDeparture, Warning},
@@ -21,7 +21,7 @@ const SUSPECT_DESIGN_EFFECT: f64 = 1.0;
 /// The options with a kind of departure; `None`: there is no reason to try it.
 pub(super) fn departing(refined: &Refined, kind: DepartureKind) -> Option<RefinementOptions> {
     let bundle = &refined.joint.bundle;
-    let suspect = refined.attitudes_stray() || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
+    let suspect = refined.has_attitude_errors() || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
     // A lens or attitudes that are held because that was asked for may be wrong, and pictures that depart could hide it.
     let asked = &refined.options.bundle;
     let held = asked.attitude_sigma_rad.is_some() || !asked.cameras[0].is_free(MATRIX);
@@ -38,13 +38,13 @@ pub(super) fn departing(refined: &Refined, kind: DepartureKind) -> Option<Refine
 /// # Errors
 /// [`Error::Stopped`] and no other.
 pub(super) fn with_departure(
-    matter: &Matter<'_>,
+    input: &RefinementInput<'_>,
     refined: &Refined,
     kind: DepartureKind,
     needed: f64,
 ) -> Result<Option<(f64, Refined)>, Error> {
     let Some(options) = departing(refined, kind) else { return Ok(None) };
-    let better = matter.better_with(refined, options, needed)?;
+    let better = input.better_with(refined, options, needed)?;
     Ok(better.map(|(gain, mut with)| {
         with.departures.push((kind, gain));
         (gain, with)

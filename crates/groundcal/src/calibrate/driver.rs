@@ -47,13 +47,13 @@ use crate::{
     vision::image::GrayImage,
 };
 
-/// Relative change of the focal length in the last round of a fixed point that counts as rest.
-const SETTLED: f64 = 1e-6;
+/// Relative change of the focal length in the last round of a fixed point that counts as converged.
+const FIXED_POINT_TOLERANCE: f64 = 1e-6;
 
 /// Views from which on general motion is tried unasked: of three the equations for a focal length and a normal leave one to check them by.
-const FEWEST_VIEWS_UNASKED: usize = 4;
+const MIN_VIEWS_UNASKED: usize = 4;
 
-/// Deviation of attitudes, radians (1 degree), from which on views of one plane are better taken for what they may be, views from anywhere. (Of 47
+/// Standard deviation of attitudes, radians (1 degree), from which on views of one plane are better taken for what they may be, views from anywhere. (Of 47
 /// answers to general motion as turns about a normal 44 had more.)
 const GENERAL_ATTITUDE_SIGMA_RAD: f64 = 0.0175;
 
@@ -86,10 +86,10 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
         let found = Found { pairs, lens, selection, amplification: None, warnings };
         camera_of(found, images, &stages, observer)
     });
-    let strays = answer.as_ref().is_ok_and(|(solved, _)| strays_as_in_general_motion(solved));
+    let large_attitude_errors = answer.as_ref().is_ok_and(|(solved, _)| attitude_errors_of_general_motion(solved));
     let traits = (source.names, images);
     let answer = answer.and_then(|(solved, found)| reported(&solved, found, traits, &stages));
-    let doubtful = strays || answer.as_ref().is_err_and(Error::is_degenerate);
+    let doubtful = large_attitude_errors || answer.as_ref().is_err_and(Error::is_degenerate);
     if let Some((pairs, lens, warnings)) = again.filter(|_| doubtful) {
         let general = of_general_motion(pairs, lens, warnings, images, &stages, observer)
             .and_then(|(solved, found)| reported(&solved, found, traits, &stages));
@@ -137,8 +137,8 @@ fn camera_of(
     Ok((solved, found))
 }
 
-/// Whether attitudes stray from those of turns about the floor's normal by more than those of any carrier do.
-fn strays_as_in_general_motion(solved: &Solved) -> bool {
+/// Whether the attitude errors are larger than those of any carrier that turns about the floor's normal.
+fn attitude_errors_of_general_motion(solved: &Solved) -> bool {
     solved.solution.attitude_sigma_estimated && solved.solution.attitude_sigma_rad > GENERAL_ATTITUDE_SIGMA_RAD
 }
 
@@ -146,7 +146,7 @@ fn strays_as_in_general_motion(solved: &Solved) -> bool {
 fn tries_general_motion(images: usize, options: &Options) -> bool {
     let nothing_said =
         options.motion == MotionModel::Auto && options.pairs.is_none() && options.attitude_sigma_deg.is_none();
-    nothing_said && options.method == Method::Joint && images >= FEWEST_VIEWS_UNASKED
+    nothing_said && options.method == Method::Joint && images >= MIN_VIEWS_UNASKED
 }
 
 /// The camera of views that moved in any way before one plane, where nobody asked for it: of half of the images or more, and of usual pixels. (Of 9
@@ -160,7 +160,7 @@ fn of_general_motion(
     observer: &dyn Observer,
 ) -> Result<(Solved, Found), Error> {
     let moving: Vec<PairId> = pairs.iter().filter(|pair| pair.moving_plane().is_some()).map(|pair| pair.id).collect();
-    let enough = FEWEST_VIEWS_UNASKED.max(images_of(&moving, &pairs).len().div_ceil(2));
+    let enough = MIN_VIEWS_UNASKED.max(images_of(&moving, &pairs).len().div_ceil(2));
     let too_few = |pairs: &[PairObservation]| Err(why_no_motion(pairs, stages.general.min_matches));
     let selection = select_general(&pairs, &[], &stages.general)?;
     if images_of(&selection.used(), &pairs).len() < enough {
@@ -341,8 +341,8 @@ fn given_lens_through_its_camera(
     };
     let (pairs, selection, point) = through_own_camera(found.pairs, found.selection, start, select, stages, observer)?;
     let mut warnings = found.warnings;
-    // Motions are looked at again after their patches; then it must have settled.
-    if rotating && point.last_change > SETTLED {
+    // Motions are looked at again after their patches; then the selection must no longer change.
+    if rotating && point.last_change > FIXED_POINT_TOLERANCE {
         warnings.push(Warning::DistortionNotConverged { relative_change: point.last_change });
     }
     let (lens, amplification) = (KnownLens::Given(point.lens), Some(point.amplification));
@@ -359,7 +359,7 @@ fn seen_again(found: Found, stages: &StageOptions<'_>, observer: &dyn Observer) 
             let (refitted, point) = given_lens_of_motions(pairs, &selection, before, stages, observer)?;
             (pairs, lens) = (refitted, KnownLens::Given(point.lens));
             amplification = amplification.map(|before| before.max(point.amplification));
-            if point.last_change > SETTLED {
+            if point.last_change > FIXED_POINT_TOLERANCE {
                 warnings.push(Warning::DistortionNotConverged { relative_change: point.last_change });
             }
         } else if let KnownLens::Placed(before) = lens {

@@ -3,7 +3,7 @@
 use nalgebra::Complex;
 
 use crate::{
-    calibrate::{joint::Joint, names::Names},
+    calibrate::{joint::JointSolution, names::Names},
     geometry::frame::Frame,
     ids::ViewId,
     pairs::{
@@ -22,7 +22,7 @@ use crate::{
 /// Of all pairs and the joint refinement, if there was one.
 pub(super) fn evidence_of(
     pairs: &[PairObservation],
-    joint: Option<&Joint>,
+    joint: Option<&JointSolution>,
     known: &KnownLens,
     names: Names<'_>,
     frame: &Frame,
@@ -67,7 +67,7 @@ fn pair_evidence(pair: &PairObservation, lens: Option<&PlacedLens>, frame: &Fram
     }
 }
 
-fn observations(joint: &Joint, frame: &Frame) -> Vec<ObservationEvidence> {
+fn observations(joint: &JointSolution, frame: &Frame) -> Vec<ObservationEvidence> {
     let b = &joint.bundle;
     let projector = Projector::new(&b.state.cameras[0]);
     let poses: Vec<Pose> = b.state.frames.iter().map(|v| Pose::new(b.scene, &b.state.groups[v.group], v)).collect();
@@ -80,15 +80,15 @@ fn observations(joint: &Joint, frame: &Frame) -> Vec<ObservationEvidence> {
         for (o, squared) in track.observations.iter().zip(&b.squared_residuals[t]) {
             let camera_point = poses[o.frame].camera_point(&b.state.points[t]);
             let Some(predicted) = projector.project(&camera_point) else { continue };
-            let deviations = (squared * b.design_effects[track.kind as usize] / share).sqrt();
+            let standardised_residual = (squared * b.design_effects[track.kind as usize] / share).sqrt();
             all.push(ObservationEvidence {
                 image: joint.views.image(ViewId::new(o.frame)).index(),
                 track: t,
                 patch: track.kind == Kind::Patch,
                 pixel: o.pixel.into(),
                 residual_px: (o.pixel - frame.to_pixel(&predicted)).into(),
-                deviations,
-                downweighted: deviations > huber,
+                standardised_residual,
+                downweighted: standardised_residual > huber,
             });
         }
     }

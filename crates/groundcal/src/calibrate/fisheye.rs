@@ -11,8 +11,8 @@ use nalgebra::{DMatrix, DVector, Vector2};
 
 use crate::{
     calibrate::{
-        matter::{Matter, Refined},
         options::FISHEYE_SIGMAS,
+        refinement_input::{Refined, RefinementInput},
     },
     error::Error,
     geometry::lens::{Fisheye, Lens, Radtan},
@@ -22,20 +22,20 @@ use crate::{
 
 /// Radius of the image's corner over that of an ideal lens, above which no fisheye is tried: at 30 degrees from the axis an equidistant lens
 /// has 0.91 of it, a stereographic one 0.93; at 40 degrees 0.83 and 0.87.
-const LEAST_BARREL: f64 = 0.95;
+const MIN_BARREL: f64 = 0.95;
 /// Coefficients that are estimated where nobody said that it is a fisheye: what is held would be taken up by the others, and be wrong by more than their
 /// error bars.
 const NUMBERS: usize = 3;
 /// Radii at which the fisheye that is nearest to a lens is fitted to it.
 const RADII: usize = 40;
-const FEWEST_RADII: usize = 8;
+const MIN_RADII: usize = 8;
 
 /// The refinement with a fisheye's lens, where the tracks ask for it; with it twice the logarithm of the odds.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
 pub(super) fn with_fisheye(
-    matter: &Matter<'_>,
+    input: &RefinementInput<'_>,
     refined: &Refined,
     needed: f64,
 ) -> Result<Option<(f64, Refined)>, Error> {
@@ -54,7 +54,7 @@ pub(super) fn with_fisheye(
     unknowns.hold_lens_from(0);
     (0..NUMBERS).for_each(|k| unknowns.free_lens(k, Some((0.0, FISHEYE_SIGMAS[k]))));
     options.bundle = options.bundle.for_trial();
-    let tried = matter.tried(refined, refined.solution.clone(), options, starts)?;
+    let tried = input.tried(refined, refined.solution.clone(), options, starts)?;
     Ok(tried.and_then(|mut with| {
         let gain = with.gain_over(refined, needed)?;
         with.fisheye = Some(gain);
@@ -83,7 +83,7 @@ fn starts(state: &State, radtan: &Radtan, unknowns: &CameraUnknowns) -> Vec<Stat
     let seen: Vec<(f64, f64)> = (0..RADII).map_while(at).collect();
     // Beyond the fold of a lens there is nothing to fit to, and none but a fisheye's has a fold inside the image.
     let barrel = seen.last().map_or(1.0, |(radius, angle)| radius / angle.tan());
-    if seen.len() < FEWEST_RADII || barrel > LEAST_BARREL {
+    if seen.len() < MIN_RADII || barrel > MIN_BARREL {
         return Vec::new();
     }
     let fitted = |powers: i32| {

@@ -12,10 +12,10 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::{
     calibrate::{
-        joint::Joint,
-        matter::{Matter, Refined, RefinementOptions, adjusted, shown_by_all},
+        joint::JointSolution,
         options::{LensModel, Method},
         prior_conflicts::release_contradicted_priors,
+        refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted, shown_by_all},
         setup::{Setup, starting_camera},
         solved::Solved,
         soundness::check_soundness,
@@ -40,21 +40,21 @@ use crate::{
 use super::departures::departures_found;
 
 /// Twice the logarithm of the odds within which two minima are both possible: 3 standard deviations.
-const BOTH_POSSIBLE: f64 = 9.0;
+const AMBIGUOUS_LOG_ODDS: f64 = 9.0;
 /// Distance of two minima's focal lengths, in deviations of the better, from which on they are two.
-const DIFFERENT: f64 = 4.0;
+const MIN_SEPARATION_SIGMAS: f64 = 4.0;
 /// Least distance between optical centres, in distances from the plane, with which there is a plane to be seen: that of a lens off the axis of a
 /// head by 2 cm, 1 m above a floor.
-const LEAST_MOVED: f64 = 0.02;
+const MIN_BASELINE_HEIGHTS: f64 = 0.02;
 /// Largest variance of the residuals in units of the matching noise: of bent boards it is up to 2, of a street corner 24.
 const MAX_VARIANCE: f64 = 5.0;
 /// Largest design effect of the residuals: of bent boards it is up to 5, of scenes of the bench that are not one plane 9 to 50.
 const MAX_DESIGN_EFFECT: f64 = 8.0;
 /// Median squared residual of a pair, in that of all pairs, from which on it shows another plane: five deviations.
-const OTHER_PLANE: f64 = 25.0;
+const OTHER_PLANE_VARIANCE: f64 = 25.0;
 /// Angle between the plane's normals as the views see it, degrees, below which the focal length hardly shows: its standard deviation falls
 /// with the square of that angle.
-const LEAST_SPREAD_DEG: f64 = 3.0;
+const MIN_SPREAD_DEG: f64 = 3.0;
 
 /// The camera of views of one plane.
 ///
@@ -70,15 +70,15 @@ pub(super) fn solve_general(
     let options = refinement_options(lens, stages);
     // Matched again, some pairs are known better than others.
     let (mut selection, mut other_planes) = (select_general(pairs, &[], &stages.general)?, Vec::new());
-    let (matter, best) = loop {
-        let matter = Matter::of_views(pairs, &selection, lens, &options, observer).ok_or(Error::Numerical {
+    let (input, best) = loop {
+        let input = RefinementInput::of_views(pairs, &selection, lens, &options, observer).ok_or(Error::Numerical {
             stage: "joint refinement",
             detail: "there are no matches to refine on".into(),
         })?;
-        let best = best_of(&matter, starts(&matter, lens, stages), &options, stages)?;
-        let wrong = of_other_planes(&best, &matter);
+        let best = best_of(&input, starts(&input, lens, stages), &options, stages)?;
+        let wrong = of_other_planes(&best, &input);
         if wrong.is_empty() {
-            break (matter, best);
+            break (input, best);
         }
         other_planes.extend(wrong);
         selection = select_general(pairs, &other_planes, &stages.general)?;
@@ -86,13 +86,13 @@ pub(super) fn solve_general(
     let joint = adjusted(
         SceneModel::Floor,
         Setup { links: Vec::new(), tracks: best.tracks.clone() },
-        matter.views.clone(),
+        input.views.clone(),
         vec![best.bundle.state.clone()],
         &options,
         observer,
     )?;
-    let refined = matter.refined(joint, solution_of(&best, stages), options);
-    let refined = release_contradicted_priors(&matter, refined)?;
+    let refined = input.refined(joint, solution_of(&best, stages), options);
+    let refined = release_contradicted_priors(&input, refined)?;
     check_spread(&refined.joint.bundle.state, stages)?;
     check_soundness(&refined.joint, stages.size)?;
     check_one_plane(&refined.joint)?;
@@ -101,7 +101,7 @@ pub(super) fn solve_general(
     if let Some(uncertain) = what_is_uncertain(&refined.joint.camera_covariance(), &stages.frame) {
         return Err(Error::Undetermined {
             constraint: constraint.name(),
-            direction: format!("{} views of a plane would give {uncertain}", matter.views.len()),
+            direction: format!("{} views of a plane would give {uncertain}", input.views.len()),
             remedies: vec![Remedy::MoreViews, Remedy::GiveValue],
         });
     }
@@ -110,16 +110,16 @@ pub(super) fn solve_general(
     warnings.extend(refined.conflicts.iter().cloned().map(Warning::PriorContradicted));
     let Refined { joint, options, .. } = refined;
     let solution = joint.solution(solution_of(&joint, stages), &options.bundle);
-    // There is nothing for an attitude to stray from.
+    // An attitude of its own has no error against a group.
     let solution = CameraSolution { attitude_sigma_rad: 0.0, attitude_sigma_estimated: false, ..solution };
     Ok(Solved {
         method: Method::Joint,
         constraint,
         solution,
         lens_share: joint.share_of_lens().sqrt(),
-        rotations_rad: Some(rotations(&joint, &matter)),
+        rotations_rad: Some(rotations(&joint, &input)),
         joint: Some(joint),
-        used: matter.used,
+        used: input.used,
         selection: Some(selection),
         amplification: None,
         warnings,
@@ -140,10 +140,10 @@ fn refinement_options(lens: &KnownLens, stages: &StageOptions<'_>) -> Refinement
 }
 
 /// States to refine from.
-fn starts(matter: &Matter<'_>, lens: &KnownLens, stages: &StageOptions<'_>) -> Vec<State> {
-    let (reference, known) = homographies_from_reference(&matter.used, matter.pairs);
+fn starts(input: &RefinementInput<'_>, lens: &KnownLens, stages: &StageOptions<'_>) -> Vec<State> {
+    let (reference, known) = homographies_from_reference(&input.used, input.pairs);
     let aspect = stages.options.aspect.unwrap_or(1.0);
-    let images: Vec<ImageId> = (0..matter.views.len()).map(|v| matter.views.image(ViewId::new(v))).collect();
+    let images: Vec<ImageId> = (0..input.views.len()).map(|v| input.views.image(ViewId::new(v))).collect();
     let Some(of_views) = images.iter().map(|image| known.get(image).copied()).collect::<Option<Vec<_>>>() else {
         return Vec::new();
     };
@@ -155,28 +155,33 @@ fn starts(matter: &Matter<'_>, lens: &KnownLens, stages: &StageOptions<'_>) -> V
         let k = Intrinsics { fy: f_px * aspect, ..Intrinsics::square(f_px, origin.x, origin.y) };
         let camera = starting_camera(&k, lens, stages.options.lens == LensModel::K1, &stages.frame);
         let m: Vec<Matrix3<f64>> = of_views.iter().map(|h| in_camera_coordinates(h, start.f, aspect)).collect();
-        let up = towards_camera(&start.normal, reference, matter, &k);
+        let up = towards_camera(&start.normal, reference, input, &k);
         state_of_views(camera, &up, &m)
     };
     plane_starts(&others, aspect).into_iter().filter_map(state).collect()
 }
 
 /// The normal with the sign that has the plane in front of the reference: its points lie below.
-fn towards_camera(normal: &Vector3<f64>, reference: ImageId, matter: &Matter<'_>, k: &Intrinsics) -> Vector3<f64> {
+fn towards_camera(
+    normal: &Vector3<f64>,
+    reference: ImageId,
+    input: &RefinementInput<'_>,
+    k: &Intrinsics,
+) -> Vector3<f64> {
     let k_inverse = k.inverse_matrix();
-    let view = matter.views.of(reference).map_or(0, ViewId::index);
-    let seen = matter.setup.tracks.iter().flat_map(|t| &t.observations).filter(|o| o.frame == view);
+    let view = input.views.of(reference).map_or(0, ViewId::index);
+    let seen = input.setup.tracks.iter().flat_map(|t| &t.observations).filter(|o| o.frame == view);
     let below = seen.map(|o| normal.dot(&(k_inverse * o.pixel.push(1.0))).signum()).sum::<f64>();
     if below > 0.0 { -normal } else { *normal }
 }
 
 /// The refinement of most evidence, roughly; refused where another, of another focal length, has nearly as much.
 fn best_of(
-    matter: &Matter<'_>,
+    input: &RefinementInput<'_>,
     mut starts: Vec<State>,
     options: &RefinementOptions,
     stages: &StageOptions<'_>,
-) -> Result<Joint, Error> {
+) -> Result<JointSolution, Error> {
     let unsound = |reason: String| Error::Unsound { reason, remedies: vec![Remedy::CheckImages, Remedy::MoreViews] };
     if starts.is_empty() {
         return Err(unsound("no camera makes views of one plane of the homographies".into()));
@@ -186,14 +191,14 @@ fn best_of(
     }
     let scene = SceneModel::Floor;
     // Evidences are compared on the same points.
-    let tracks = shown_by_all(scene, matter.setup.tracks.clone(), &mut starts, &options.bundle);
+    let tracks = shown_by_all(scene, input.setup.tracks.clone(), &mut starts, &options.bundle);
     let mut trial = options.clone();
     trial.bundle = trial.bundle.for_trial();
     let refined = |state: &State, options: &RefinementOptions| {
         let setup = Setup { links: Vec::new(), tracks: tracks.clone() };
-        adjusted(scene, setup, matter.views.clone(), vec![state.clone()], options, matter.observer)
+        adjusted(scene, setup, input.views.clone(), vec![state.clone()], options, input.observer)
     };
-    let mut found: Vec<Joint> = Vec::new();
+    let mut found: Vec<JointSolution> = Vec::new();
     let mut last_error = None;
     for state in &starts {
         match refined(state, &trial) {
@@ -202,7 +207,7 @@ fn best_of(
             Err(error) => last_error = Some(error),
         }
     }
-    let gain = |a: &Joint, b: &Joint| match (a.bundle.evidence, b.bundle.evidence) {
+    let gain = |a: &JointSolution, b: &JointSolution| match (a.bundle.evidence, b.bundle.evidence) {
         (Some(a), Some(b)) => a.gain_over(&b),
         (Some(_), None) => f64::INFINITY,
         _ => f64::NEG_INFINITY,
@@ -215,14 +220,14 @@ fn best_of(
     let sigma = best.camera_covariance()[(0, 0)].max(0.0).sqrt();
     let rival = found.iter().find(|other| {
         let apart = (other.intrinsics.fx / best.intrinsics.fx).ln().abs();
-        apart > DIFFERENT * sigma && gain(best, other) < BOTH_POSSIBLE
+        apart > MIN_SEPARATION_SIGMAS * sigma && gain(best, other) < AMBIGUOUS_LOG_ODDS
     });
     if let Some(rival) = rival {
         return Err(Error::Undetermined {
             constraint: stages.options.constraint.name(),
             direction: format!(
                 "two cameras explain the {} views of the plane alike: focal lengths of {:.0} and {:.0} px",
-                matter.views.len(),
+                input.views.len(),
                 best.intrinsics.fx,
                 rival.intrinsics.fx
             ),
@@ -233,9 +238,9 @@ fn best_of(
 }
 
 /// Pairs whose points are not of the plane that the others show: their residuals are far larger, in the median, than those of all.
-fn of_other_planes(joint: &Joint, matter: &Matter<'_>) -> Vec<PairId> {
+fn of_other_planes(joint: &JointSolution, input: &RefinementInput<'_>) -> Vec<PairId> {
     let of_pair = |id: PairId| {
-        let [a, b] = matter.views.of_pair(&matter.pairs[id])?.map(ViewId::index);
+        let [a, b] = input.views.of_pair(&input.pairs[id])?.map(ViewId::index);
         let squared = |(track, residuals): (&Track, &Vec<f64>)| {
             let of = |frame: usize| track.observations.iter().position(|o| o.frame == frame).map(|o| residuals[o]);
             Some(of(a)? + of(b)?)
@@ -244,13 +249,13 @@ fn of_other_planes(joint: &Joint, matter: &Matter<'_>) -> Vec<PairId> {
         Some(median(&mut both.collect::<Vec<f64>>()))
     };
     let residuals: Vec<(PairId, f64)> =
-        matter.used.iter().filter_map(|&id| Some((id, of_pair(id)?))).filter(|(_, r)| r.is_finite()).collect();
+        input.used.iter().filter_map(|&id| Some((id, of_pair(id)?))).filter(|(_, r)| r.is_finite()).collect();
     let usual = median(&mut residuals.iter().map(|(_, r)| *r).collect::<Vec<f64>>());
-    residuals.into_iter().filter(|(_, r)| *r > OTHER_PLANE * usual).map(|(id, _)| id).collect()
+    residuals.into_iter().filter(|(_, r)| *r > OTHER_PLANE_VARIANCE * usual).map(|(id, _)| id).collect()
 }
 
 /// Refuses residuals that are no noise: where every view is free, nothing else but the plane itself can be wrong.
-fn check_one_plane(joint: &Joint) -> Result<(), Error> {
+fn check_one_plane(joint: &JointSolution) -> Result<(), Error> {
     let variance = joint.bundle.variance_factors.iter().copied().fold(0.0, f64::max);
     let effect = joint.bundle.design_effects.iter().copied().fold(0.0, f64::max);
     if variance <= MAX_VARIANCE && effect <= MAX_DESIGN_EFFECT {
@@ -269,10 +274,10 @@ fn check_one_plane(joint: &Joint) -> Result<(), Error> {
 }
 
 /// Refuses a camera that turned on the spot: then any plane will do, and what is said of it is made up.
-fn check_moved(joint: &Joint) -> Result<(), Error> {
+fn check_moved(joint: &JointSolution) -> Result<(), Error> {
     let centres: Vec<Vector3<f64>> = joint.bundle.views.iter().flatten().map(|view| view.centre).collect();
     let farthest = centres.iter().flat_map(|a| centres.iter().map(move |b| (a - b).norm())).fold(0.0, f64::max);
-    if farthest >= LEAST_MOVED {
+    if farthest >= MIN_BASELINE_HEIGHTS {
         return Ok(());
     }
     Err(Error::Unsound {
@@ -290,11 +295,11 @@ fn check_spread(state: &State, stages: &StageOptions<'_>) -> Result<(), Error> {
     let ups: Vec<Vector3<f64>> = state.groups.iter().map(|g| g.attitude.column(2).into_owned()).collect();
     let angle = |a: &Vector3<f64>, b: &Vector3<f64>| a.cross(b).norm().atan2(a.dot(b));
     let spread = ups.iter().flat_map(|a| ups.iter().map(move |b| angle(a, b))).fold(0.0, f64::max).to_degrees();
-    if spread >= LEAST_SPREAD_DEG {
+    if spread >= MIN_SPREAD_DEG {
         return Ok(());
     }
     let off_axis = ups.iter().map(|up| angle(&-up, &Vector3::z())).fold(0.0, f64::max).to_degrees();
-    let what = if off_axis < LEAST_SPREAD_DEG {
+    let what = if off_axis < MIN_SPREAD_DEG {
         "all views look straight at the plane".to_string()
     } else {
         format!("the camera was tilted alike to the plane in all views (within {spread:.1} degrees)")
@@ -307,7 +312,7 @@ fn check_spread(state: &State, stages: &StageOptions<'_>) -> Result<(), Error> {
 }
 
 /// No closed form: general motion needs no plane-normal motions, which it is made of.
-fn solution_of(joint: &Joint, stages: &StageOptions<'_>) -> CameraSolution {
+fn solution_of(joint: &JointSolution, stages: &StageOptions<'_>) -> CameraSolution {
     let free = stages.options.constraint.free();
     CameraSolution {
         intrinsics: joint.intrinsics,
@@ -324,16 +329,16 @@ fn solution_of(joint: &Joint, stages: &StageOptions<'_>) -> CameraSolution {
 }
 
 /// Angles by which the camera turned between the images of each pair used.
-fn rotations(joint: &Joint, matter: &Matter<'_>) -> Vec<f64> {
+fn rotations(joint: &JointSolution, input: &RefinementInput<'_>) -> Vec<f64> {
     let state = &joint.bundle.state;
     let rotation = |view: ViewId| {
         let frame = &state.frames[view.index()];
         state.groups[frame.group].attitude * crate::geometry::attitude::yaw_rotation(frame.yaw_rad)
     };
     let of_pair = |pair: &PairObservation| {
-        let [a, b] = matter.views.of_pair(pair)?.map(rotation);
+        let [a, b] = input.views.of_pair(pair)?.map(rotation);
         let cosine = 0.5 * ((b * a.transpose()).trace() - 1.0);
         Some(cosine.clamp(-1.0, 1.0).acos())
     };
-    matter.used.iter().map(|&id| of_pair(&matter.pairs[id]).unwrap_or(0.0)).collect()
+    input.used.iter().map(|&id| of_pair(&input.pairs[id]).unwrap_or(0.0)).collect()
 }

@@ -23,13 +23,13 @@ pub(super) struct SharedFloors {
 }
 
 /// Part of a prior's variance by which the data must narrow it to say anything of its number.
-const NARROWED: f64 = 1e-6;
+const MIN_VARIANCE_REDUCTION: f64 = 1e-6;
 
 /// What a further step may still gain where the loop did not end by itself: a fifth of a deviation.
-const LEFT_TO_GAIN: f64 = 0.02;
+const MAX_REMAINING_GAIN: f64 = 0.02;
 
 /// A refined calibration with the images its views are.
-pub(super) struct Joint {
+pub(super) struct JointSolution {
     pub(super) bundle: Bundle,
     /// What it was refined on.
     pub(super) tracks: Vec<Track>,
@@ -51,10 +51,10 @@ pub(super) struct Joint {
     by_camera: DMatrix<f64>,
 }
 
-impl Joint {
+impl JointSolution {
     /// Whether it is a minimum, so that its error bars and its evidence mean something.
     pub(super) fn has_converged(&self) -> bool {
-        self.bundle.stop == StopReason::Converged || self.bundle.left_to_gain <= LEFT_TO_GAIN
+        self.bundle.stop == StopReason::Converged || self.bundle.remaining_gain <= MAX_REMAINING_GAIN
     }
 
     pub(super) fn new(bundle: Bundle, tracks: Vec<Track>, views: Views, frame: &Frame) -> Self {
@@ -108,7 +108,7 @@ impl Joint {
 
     /// The best known of the groups that have an attitude of the closed-form solution.
     pub(super) fn group_with(&self, attitude: usize) -> Option<&GroupEstimate> {
-        let tilt = |g: &GroupEstimate| g.covariance.rest().view((0, 0), (2, 2)).trace();
+        let tilt = |g: &GroupEstimate| g.covariance.without_camera().view((0, 0), (2, 2)).trace();
         let members = self.attitudes.iter().zip(&self.bundle.groups).filter(|(a, _)| **a == attitude);
         members.map(|(_, g)| g).min_by(|a, b| tilt(a).total_cmp(&tilt(b)))
     }
@@ -140,7 +140,7 @@ impl Joint {
             degrees_of_freedom: b.degrees_of_freedom,
             patches: self.residuals(Kind::Patch),
             points: self.residuals(Kind::Point),
-            ties: self.cross_links.len(),
+            cross_attitude_links: self.cross_links.len(),
             iterations: b.iterations,
             converged: b.stop == StopReason::Converged,
         }
@@ -165,7 +165,7 @@ impl Joint {
         let camera = &self.bundle.cameras[0];
         let left = sigma * sigma - camera.covariance[(number, number)] / self.bundle.widened;
         let moved = (camera.state.numbers()[number] - mean).abs();
-        (left > NARROWED * sigma * sigma).then(|| moved / left.sqrt())
+        (left > MIN_VARIANCE_REDUCTION * sigma * sigma).then(|| moved / left.sqrt())
     }
 
     /// The closed-form solution with the refined numbers in their places.

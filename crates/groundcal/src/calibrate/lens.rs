@@ -8,7 +8,7 @@ use crate::{
     geometry::intrinsics::Intrinsics,
     observer::Observer,
     pairs::{
-        known_lens::{DistortionCentre, KnownLens, LensFinding, LensOptions, lens_of_motions, placement_of},
+        known_lens::{DistortionCentre, KnownLens, LensFromPlanes, LensOptions, lens_of_motions, placement_of},
         lens_placement::LensPlacement,
         observation::PairObservation,
         observe::{observe_again, observe_anew, refit_all},
@@ -125,7 +125,7 @@ pub(super) fn estimated_lens_of_motions(
     stages: &StageOptions<'_>,
     observer: &dyn Observer,
 ) -> Result<(Vec<PairObservation>, Selection, KnownLens), Error> {
-    let mut finding: Option<LensFinding> = match lens {
+    let mut finding: Option<LensFromPlanes> = match lens {
         KnownLens::Estimated(finding) => Some(finding),
         KnownLens::NotModelled | KnownLens::Given(_) | KnownLens::Placed(_) | KnownLens::OfPairs(_) => None,
     };

@@ -1,7 +1,7 @@
 //! The lens as it is reported.
 
 use crate::{
-    calibrate::joint::Joint,
+    calibrate::joint::JointSolution,
     geometry::lens::Lens,
     pairs::known_lens::KnownLens,
     result::{LensSource, Parameter},
@@ -17,7 +17,7 @@ pub(super) struct LensResult {
 }
 
 impl LensResult {
-    pub(super) fn new(known: &KnownLens, joint: Option<&Joint>, s: &CameraSolution) -> Self {
+    pub(super) fn new(known: &KnownLens, joint: Option<&JointSolution>, s: &CameraSolution) -> Self {
         let held = |source, lens| Self { source, lens, sigmas: Vec::new() };
         match (known, joint) {
             (KnownLens::NotModelled, _) => held(LensSource::NotModelled, Lens::None),

@@ -9,31 +9,33 @@ mod checks;
 mod copies;
 mod departures;
 mod driver;
-pub mod earlier;
+pub(crate) mod earlier;
 mod evidence;
 mod fisheye;
 mod general;
 mod joint;
 mod lens;
 mod lens_result;
-mod matter;
 mod names;
 mod options;
 mod order;
 mod outcome;
+mod outlier_frames;
 mod plane_normal;
 mod prior_conflicts;
 mod published;
 mod refinement;
+mod refinement_input;
 mod rotating;
 mod setup;
 mod solved;
 mod soundness;
 mod source;
 mod stage_options;
-mod strays;
 mod turning;
 mod views;
+
+pub use earlier::priors_of;
 
 use nalgebra::{Complex, Vector3};
 
@@ -47,12 +49,14 @@ use crate::{
         refine::HomographyEstimate,
     },
     result::Calibration,
-    select::attitude_groups::{Motion, Sides},
+    select::attitude_groups::{HorizonSides, Motion},
     start::linear_camera::{CameraSolution, solve_camera},
     vision::{features::FeatureOptions, image::GrayImage},
 };
 
-pub use crate::observer::{Observer, Silent, Stage};
+pub use crate::observer::Observer;
+pub use crate::observer::Silent;
+pub use crate::observer::Stage;
 pub use crate::pairs::pair_lens::RadialCorrection;
 pub use options::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options};
 
@@ -158,9 +162,14 @@ pub fn calibrate_circular_points(
                     "circular point {i} is zero, real or not finite, or its sigma not positive"
                 ))
             })?;
-            let geometry =
-                MotionGeometry { circular_point, rotation_rad: 0.0, rotation_sigma_rad: 0.0, rho: 1.0, rho_sigma: 0.0 };
-            Ok(Motion { from: ImageId::new(2 * i), to: ImageId::new(2 * i + 1), geometry, sides: Sides::One })
+            let geometry = MotionGeometry {
+                circular_point,
+                rotation_rad: 0.0,
+                rotation_sigma_rad: 0.0,
+                height_ratio: 1.0,
+                height_ratio_sigma: 0.0,
+            };
+            Ok(Motion { from: ImageId::new(2 * i), to: ImageId::new(2 * i + 1), geometry, sides: HorizonSides::One })
         })
         .collect::<Result<_, Error>>()?;
     solve_camera(&motions, &frame, &options.camera(size))

@@ -188,7 +188,7 @@ impl Options {
     ///
     /// # Errors
     /// [`Error::InvalidOption`] naming the option and its value.
-    pub fn validate(&self, size: ImageSize) -> Result<(), Error> {
+    pub(crate) fn validate(&self, size: ImageSize) -> Result<(), Error> {
         let fail = |text: String| Err(Error::InvalidOption(text));
         if self.motion == MotionModel::General && self.method != Method::Joint {
             return fail("general motion before a plane is for the joint method alone".into());

@@ -67,8 +67,11 @@ fn reversed_motion(m: MotionReport) -> MotionReport {
     MotionReport {
         // Turns about no floor's normal have no sign.
         rotation_deg: m.rotation_deg.map(|deg| if m.attitude.is_some() { -deg } else { deg }),
-        rho_sigma: m.rho_sigma.zip(m.rho).map(|(sigma, rho)| sigma / (rho * rho)),
-        rho: m.rho.map(|rho| 1.0 / rho),
+        height_ratio_sigma: m
+            .height_ratio_sigma
+            .zip(m.height_ratio)
+            .map(|(sigma, height_ratio)| sigma / (height_ratio * height_ratio)),
+        height_ratio: m.height_ratio.map(|height_ratio| 1.0 / height_ratio),
         from: m.to,
         to: m.from,
         ..m

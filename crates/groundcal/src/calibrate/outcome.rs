@@ -5,7 +5,7 @@ use crate::{
         attitude::Attitude,
         checks::{doubts, large_uncertainty},
         evidence::evidence_of,
-        joint::Joint,
+        joint::JointSolution,
         lens_result::LensResult,
         names::Names,
         options::{Method, MotionModel},
@@ -154,7 +154,7 @@ fn camera_report(
             degrees_of_freedom: s.degrees_of_freedom,
             variance_inflation: s.variance_inflation,
             distortion_amplification: 1.0,
-            refinement: joint.map(Joint::report),
+            refinement: joint.map(JointSolution::report),
         },
         height_sigma: over_floor
             .filter(|_| motion != result::MotionKind::General)
@@ -194,7 +194,7 @@ fn attitude_reports(
     let k = &solved.solution.intrinsics;
     let report = |(g, (group, attitude)): (usize, (&AttitudeGroup, &Attitude))| {
         let refined = solved.joint.as_ref().and_then(|j| Some((j, j.group_with(g)?)));
-        let sigma = |i: usize| refined.map(|(_, g)| g.covariance.rest()[(i, i)].max(0.0).sqrt());
+        let sigma = |i: usize| refined.map(|(_, g)| g.covariance.without_camera()[(i, i)].max(0.0).sqrt());
         let over_floor = refined.filter(|(j, _)| j.bundle.scene == SceneModel::Floor);
         let horizon_sigma =
             refined.and_then(|(j, g)| attitude.horizon_sigma(k, stages.size, &j.in_pixels(&g.covariance)));
@@ -215,7 +215,7 @@ fn attitude_reports(
     solved.solution.groups.iter().zip(attitudes).enumerate().map(report).collect()
 }
 
-fn view_reports(joint: &Joint, names: Names<'_>) -> Vec<ViewReport> {
+fn view_reports(joint: &JointSolution, names: Names<'_>) -> Vec<ViewReport> {
     let b = &joint.bundle;
     let name = |view: usize| names.of(joint.views.image(ViewId::new(view)));
     let report = |(v, estimate): (usize, &Option<ViewEstimate>)| {
@@ -277,11 +277,11 @@ fn motion_reports(
             from: names.of(pair.from),
             to: names.of(pair.to),
             used: member.is_some(),
-            tie: cross_links.contains(&pair.id),
+            cross_attitude_link: cross_links.contains(&pair.id),
             rotation_deg: rotation_rad.map(f64::to_degrees).or(refused_deg),
             rotation_sigma_deg: of_turn.map(|g| g.rotation_sigma_rad.to_degrees()),
-            rho: of_turn.map(|g| g.rho),
-            rho_sigma: of_turn.map(|g| g.rho_sigma),
+            height_ratio: of_turn.map(|g| g.height_ratio),
+            height_ratio_sigma: of_turn.map(|g| g.height_ratio_sigma),
             matches: plane.map_or(0, |plane| plane.estimate.matches),
             candidate_matches: pair.candidates,
             rms_px: plane.map(|plane| plane.estimate.rms_px),

@@ -4,10 +4,10 @@ use crate::{
     calibrate::{
         checks::unmodelled_distortion,
         departures::departures_found,
-        matter::RefinementOptions,
         options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
         prior_conflicts::WIDE_LN_ASPECT,
-        setup::LEAST_NOISE_PX,
+        refinement_input::RefinementOptions,
+        setup::MIN_NOISE_PX,
         solved::{Solved, share_of},
         soundness::{check_field_of_view, refine_until_sound},
         stage_options::StageOptions,
@@ -105,7 +105,7 @@ pub(super) fn solve_plane_normal(
 /// Whether the matches have no noise at all, as computed ones do: beside their information that of the priors is lost in rounding, and
 /// the closed form has all there is.
 fn are_exact(used: &[PairId], pairs: &[PairObservation]) -> bool {
-    used.iter().all(|&id| pairs[id].plane().is_some_and(|plane| plane.estimate.sigma_px < LEAST_NOISE_PX))
+    used.iter().all(|&id| pairs[id].plane().is_some_and(|plane| plane.estimate.sigma_px < MIN_NOISE_PX))
 }
 
 /// The camera to start from. Where square pixels leave none that is certain, the refinement, which tries the prior of the aspect ratio
@@ -132,7 +132,7 @@ fn first_camera(
 }
 
 /// A single motion before a background that stands still is a thing moved before a fixed camera, by an arm or by hand: its axis
-/// may stray further.
+/// may vary further.
 fn camera_options(pairs: &[PairObservation], selection: &Selection, stages: &StageOptions<'_>) -> CameraOptions {
     let mut camera = stages.camera.clone();
     if let [only] = selection.used().as_slice()

@@ -1,9 +1,9 @@
 //! Priors against data: a prior that the matches contradict is released, and the camera estimated again without it.
 //!
-//! A prior that is wrong need not show in the residuals: attitudes that may stray follow the wrong camera (pixels of aspect 1.09 under
+//! A prior that is wrong need not show in the residuals: attitude errors, which are estimated, follow the wrong camera (pixels of aspect 1.09 under
 //! 1 ± 0.003 make σ_a 2.3 degrees of 0.01, and the aspect's own posterior hardly leaves its prior). So the estimate is made again
 //! with the prior wide, from where it was and from a closed form without it, and the evidences of the two are compared
-//! ([`crate::refine::evidence`]), in which a wide prior and straying attitudes both have their price.
+//! ([`crate::refine::evidence`]), in which a wide prior and attitude errors both have their price.
 //!
 //! Were the prior right, the evidence without it would exceed the evidence with it K times with a probability of at most 1 / K (the
 //! mean of the ratio over data of the narrower model is 1: Markov's inequality).
@@ -11,8 +11,8 @@
 use crate::{
     calibrate::departures::{departing, with_departure},
     calibrate::fisheye::with_fisheye,
-    calibrate::matter::{Matter, Refined, RefinementOptions},
-    calibrate::strays::with_stray_frame,
+    calibrate::outlier_frames::with_outlier_frame,
+    calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
     error::Error,
     geometry::{constraint::Constraint, parameters::PriorParameter},
     refine::{BundleOptions, DepartureKind, State},
@@ -25,18 +25,18 @@ use crate::{
 const RELEASE_ODDS: f64 = 1e3;
 /// Standardised distance between a prior's mean and what the data say, from which on the prior is given up where the evidence is
 /// not against it: 6 in 100,000 of a normal variable are beyond.
-const CONFLICT: f64 = 4.0;
+const MIN_CONFLICT_SIGMAS: f64 = 4.0;
 /// Distance, in deviations of both together, between a prior and what the data say without it, below which they do not contradict each
 /// other whatever the evidence says: then the other estimate is another minimum of the same model.
-const CONTRADICTED: f64 = 3.0;
+const MIN_CONTRADICTION_SIGMAS: f64 = 3.0;
 /// Gain (twice the logarithm of the odds) from which on another minimum is one, and not the same reached otherwise.
-const BETTER_MINIMUM: f64 = 2.0;
-/// Distance up to which a prior is not tried at all: its square is the gain where attitudes do not stray.
+const MIN_GAIN_OF_MINIMUM: f64 = 2.0;
+/// Distance up to which a prior is not tried at all: its square is the gain where there are no attitude errors.
 const SUSPECT_DISTANCE: f64 = 2.0;
 /// Most priors that are released one after the other.
-const MOST_RELEASED: usize = 4;
+const MAX_RELEASED: usize = 4;
 
-/// Deviation of ln(fy / fx) without its prior: pixels and resized pictures have ratios of a half to two.
+/// Standard deviation of ln(fy / fx) without its prior: pixels and resized pictures have ratios of a half to two.
 pub(super) const WIDE_LN_ASPECT: f64 = 0.5;
 /// Of the principal point, as a fraction of the width: cropped pictures.
 const WIDE_PRINCIPAL_POINT: f64 = 0.5;
@@ -57,11 +57,11 @@ const DECENTRING: usize = 7;
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other: where nothing better is found the refinement stands.
-pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined, Error> {
+pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refined: Refined) -> Result<Refined, Error> {
     let asked = refined.options.bundle.clone();
     let mut changed = false;
-    for _ in 0..MOST_RELEASED {
-        match best_alternative(matter, &refined)? {
+    for _ in 0..MAX_RELEASED {
+        match best_alternative(input, &refined)? {
             Some(without) => (refined, changed) = (without, true),
             None => break,
         }
@@ -71,9 +71,9 @@ pub(super) fn release_contradicted_priors(matter: &Matter<'_>, mut refined: Refi
     }
     // What was tried roughly and found better is now done with all care.
     let mut options = refined.options.clone();
-    options.bundle = options.bundle.as_thorough_as(&asked);
+    options.bundle = options.bundle.with_thoroughness_of(&asked);
     let starts = vec![refined.joint.bundle.state.clone()];
-    matter.refined_again(&refined, refined.solution.clone(), options, starts)
+    input.refined_again(&refined, refined.solution.clone(), options, starts)
 }
 
 /// What may be wrong of a refinement, and how it is tried.
@@ -86,10 +86,10 @@ enum Alternative {
 }
 
 /// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
-const FAR_AHEAD: f64 = 100.0;
+const DECISIVE_GAIN: f64 = 100.0;
 
 /// The best refinement of those with one assumption less; `None`: none is better. Those that promise most are tried first.
-fn best_alternative(matter: &Matter<'_>, refined: &Refined) -> Result<Option<Refined>, Error> {
+fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Option<Refined>, Error> {
     let mut best: Option<(f64, Refined)> = None;
     let needed = 2.0 * RELEASE_ODDS.ln();
     let offer = |best: &mut Option<(f64, Refined)>, found: Option<(f64, Refined)>| {
@@ -99,33 +99,34 @@ fn best_alternative(matter: &Matter<'_>, refined: &Refined) -> Result<Option<Ref
             *best = Some((gain, other));
         }
     };
-    offer(&mut best, with_fisheye(matter, refined, needed)?);
-    offer(&mut best, with_stray_frame(matter, refined, needed)?);
+    offer(&mut best, with_fisheye(input, refined, needed)?);
+    offer(&mut best, with_outlier_frame(input, refined, needed)?);
     // A fisheye has no decentring.
     let releases = RELEASES.into_iter().filter(|numbers| numbers[0] < DECENTRING || refined.fisheye.is_none());
     let departures = DepartureKind::ALL.into_iter().map(Alternative::Departing);
     let mut promising: Vec<(f64, Alternative)> = Vec::new();
     for alternative in releases.map(Alternative::Without).chain(departures) {
-        matter.observer.go_on()?;
+        input.observer.go_on()?;
         let options = match alternative {
             Alternative::Without(numbers) => released(refined, numbers),
             Alternative::Departing(kind) => departing(refined, kind),
         };
         let Some(options) = options else { continue };
         let prospect = refined.prospect(&options);
-        let asked = matches!(alternative, Alternative::Without(numbers) if distance_of(refined, numbers) > CONFLICT);
-        if asked || prospect > 0.0 || !refined.is_tame() {
+        let asked =
+            matches!(alternative, Alternative::Without(numbers) if distance_of(refined, numbers) > MIN_CONFLICT_SIGMAS);
+        if asked || prospect > 0.0 || !refined.is_nearly_linear() {
             promising.push((prospect, alternative));
         }
     }
     promising.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (prospect, alternative) in promising {
-        if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + FAR_AHEAD) {
+        if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + DECISIVE_GAIN) {
             break;
         }
         let found = match alternative {
-            Alternative::Without(numbers) => without_prior(matter, refined, numbers)?,
-            Alternative::Departing(kind) => with_departure(matter, refined, kind, needed)?,
+            Alternative::Without(numbers) => without_prior(input, refined, numbers)?,
+            Alternative::Departing(kind) => with_departure(input, refined, kind, needed)?,
         };
         offer(&mut best, found);
     }
@@ -139,24 +140,28 @@ fn distance_of(refined: &Refined, numbers: &[usize]) -> f64 {
 }
 
 /// The refinement without the priors of some numbers, where the tracks contradict them; with it twice the logarithm of the odds.
-fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> Result<Option<(f64, Refined)>, Error> {
+fn without_prior(
+    input: &RefinementInput<'_>,
+    refined: &Refined,
+    numbers: &[usize],
+) -> Result<Option<(f64, Refined)>, Error> {
     let Some(options) = released(refined, numbers) else { return Ok(None) };
     let distance = distance_of(refined, numbers);
-    let needed = if distance > CONFLICT { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
+    let needed = if distance > MIN_CONFLICT_SIGMAS { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
     let mut starts: Vec<State> = vec![refined.joint.bundle.state.clone()];
-    let closed_form = solve_camera_until(&matter.motions, &options.frame, &options.camera, matter.observer).ok();
-    matter.observer.go_on()?;
+    let closed_form = solve_camera_until(&input.motions, &options.frame, &options.camera, input.observer).ok();
+    input.observer.go_on()?;
     // The closed form knows the lens of Brown and Conrady alone, and of the tracks those of the motions: with links between attitudes its
     // start is far from any minimum of theirs, and without them it has been tried.
     let of_motions = refined.fisheye.is_none() && refined.joint.cross_links.is_empty();
     let usual_lens = closed_form.as_ref().filter(|_| of_motions);
-    starts.extend(usual_lens.and_then(|solution| matter.start(solution, 1.0)));
+    starts.extend(usual_lens.and_then(|solution| input.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());
-    let Some(mut without) = matter.tried(refined, solution, options, starts)? else { return Ok(None) };
+    let Some(mut without) = input.tried(refined, solution, options, starts)? else { return Ok(None) };
     let Some(gain) = without.gain_over(refined, needed) else { return Ok(None) };
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
-    if found.iter().all(|c| c.deviations() < CONTRADICTED) {
-        return same_prior_from(matter, refined, &without);
+    if found.iter().all(|c| c.standardised_distance() < MIN_CONTRADICTION_SIGMAS) {
+        return same_prior_from(input, refined, &without);
     }
     without.conflicts.extend(found);
     Ok(Some((gain, without)))
@@ -164,7 +169,11 @@ fn without_prior(matter: &Matter<'_>, refined: &Refined, numbers: &[usize]) -> R
 
 /// The refinement with its priors as they are from where it came to without one of them, where that is better: it was another minimum,
 /// not the prior, that made the difference.
-fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) -> Result<Option<(f64, Refined)>, Error> {
+fn same_prior_from(
+    input: &RefinementInput<'_>,
+    refined: &Refined,
+    without: &Refined,
+) -> Result<Option<(f64, Refined)>, Error> {
     let mut start = without.joint.bundle.state.clone();
     // What is held was perhaps free there.
     let (unknowns, held_at) = (&refined.options.bundle.cameras[0], &refined.joint.bundle.cameras[0].state.numbers());
@@ -172,8 +181,8 @@ fn same_prior_from(matter: &Matter<'_>, refined: &Refined, without: &Refined) ->
     let back = (0..numbers.len().min(held_at.len())).filter(|&n| !unknowns.is_free(n));
     start.cameras[0] = start.cameras[0].moved(back.map(|n| (n, held_at[n] - numbers[n])));
     let starts = vec![start];
-    let again = matter.tried(refined, refined.solution.clone(), refined.options.clone(), starts)?;
-    Ok(again.and_then(|again| Some((again.gain_over(refined, BETTER_MINIMUM)?, again))))
+    let again = input.tried(refined, refined.solution.clone(), refined.options.clone(), starts)?;
+    Ok(again.and_then(|again| Some((again.gain_over(refined, MIN_GAIN_OF_MINIMUM)?, again))))
 }
 
 /// The options with the priors of some numbers wide; `None`: there is nothing to release, or no reason to.

@@ -9,9 +9,9 @@ use nalgebra::Matrix3;
 
 use crate::{
     calibrate::{
-        joint::{Joint, SharedFloors},
-        matter::{Matter, Refined, RefinementOptions, adjusted},
+        joint::{JointSolution, SharedFloors},
         prior_conflicts::release_contradicted_priors,
+        refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted},
         setup::{Setup, starting_camera},
         views::Views,
     },
@@ -22,23 +22,23 @@ use crate::{
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{
         Kind, SceneModel, State,
-        start::{floor_deviation, floor_seen, rotations_from_links, state_from_links},
+        start::{floor_misfit, floor_seen, rotations_from_links, state_from_links},
     },
     select::selection::Selection,
     start::linear_camera::{CameraOptions, CameraSolution, solve_camera_until},
 };
 
-/// Relative deviation of f from which on other focal lengths are tried as starts, and those.
-const VAGUE: f64 = 0.03;
-const FACTORS_WHERE_VAGUE: [f64; 3] = [1.0, 0.8, 1.25];
+/// Relative standard deviation of f from which on other focal lengths are tried as starts, and those.
+const UNCERTAIN_FOCAL_SIGMA: f64 = 0.03;
+const UNCERTAIN_FOCAL_FACTORS: [f64; 3] = [1.0, 0.8, 1.25];
 
 /// The same where a refinement came to nothing.
-const FACTORS_WHERE_LOST: [f64; 5] = [1.0, 0.5, 0.71, 1.41, 2.0];
+const FAILED_FOCAL_FACTORS: [f64; 5] = [1.0, 0.5, 0.71, 1.41, 2.0];
 
 /// Where to refine from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Starts {
-    /// The closed-form solution, and near it where it is vague.
+    /// The closed-form solution, and near it where it is uncertain.
     Usual,
     /// Solutions under other constraints and other focal lengths, too.
     Many,
@@ -48,12 +48,12 @@ pub(super) enum Starts {
 /// lengths), how many links a view has at most, and by how much they may raise the variance of the residuals of patches and of
 /// points.
 const MIN_LINK_MATCHES: usize = 20;
-const MAX_LINK_DEVIATION: f64 = 0.03;
+const MAX_LINK_MISFIT: f64 = 0.03;
 const LINKS_PER_VIEW: usize = 2;
 const MAX_LINK_VARIANCE: f64 = 1.3;
 const MAX_LINK_POINT_VARIANCE: f64 = 3.0;
-/// Deviation of such a homography from which on it contradicts the two attitudes.
-const CONTRADICTION: f64 = 0.1;
+/// Misfit of such a homography from which on it contradicts the two attitudes.
+const CONTRADICTING_MISFIT: f64 = 0.1;
 
 /// Refines the closed-form solution on the matches of the motions selected, and on those of pairs of different attitudes that see
 /// the same floor, with priors that the matches contradict released. `None` when there are no matches to refine on.
@@ -69,48 +69,50 @@ pub(super) fn refine_motions(
     starts: Starts,
     observer: &dyn Observer,
 ) -> Result<Option<Refined>, Error> {
-    let Some(matter) = Matter::new(pairs, selection, solution, lens, options, observer) else { return Ok(None) };
+    let Some(input) = RefinementInput::new(pairs, selection, solution, lens, options, observer) else {
+        return Ok(None);
+    };
     // A focal length that the closed form hardly knows may be another.
-    let vague = solution.covariance_px[(0, 0)].sqrt() > VAGUE * solution.intrinsics.fx;
+    let uncertain = solution.covariance_px[(0, 0)].sqrt() > UNCERTAIN_FOCAL_SIGMA * solution.intrinsics.fx;
     let factors: &[f64] = match starts {
-        Starts::Many => &FACTORS_WHERE_LOST,
-        Starts::Usual if vague => &FACTORS_WHERE_VAGUE,
+        Starts::Many => &FAILED_FOCAL_FACTORS,
+        Starts::Usual if uncertain => &UNCERTAIN_FOCAL_FACTORS,
         Starts::Usual => &[1.0],
     };
-    let mut states: Vec<State> = factors.iter().filter_map(|factor| matter.start(solution, *factor)).collect();
+    let mut states: Vec<State> = factors.iter().filter_map(|factor| input.start(solution, *factor)).collect();
     if starts == Starts::Many {
-        states.extend(under_other_constraints(&matter, options).iter().filter_map(|other| matter.start(other, 1.0)));
+        states.extend(under_other_constraints(&input, options).iter().filter_map(|other| input.start(other, 1.0)));
     }
-    let joint = adjusted(matter.scene, matter.setup.clone(), matter.views.clone(), states, options, observer)?;
-    let refined = matter.refined(joint, solution.clone(), options.clone());
-    let refined = release_contradicted_priors(&matter, refined)?;
-    if matter.scene == SceneModel::Directions {
+    let joint = adjusted(input.scene, input.setup.clone(), input.views.clone(), states, options, observer)?;
+    let refined = input.refined(joint, solution.clone(), options.clone());
+    let refined = release_contradicted_priors(&input, refined)?;
+    if input.scene == SceneModel::Directions {
         return Ok(Some(refined));
     }
-    let linked = with_cross_links(&matter, refined)?;
+    let linked = with_cross_links(&input, refined)?;
     // With more that is seen, more may be contradicted.
-    release_contradicted_priors(&matter, linked).map(Some)
+    release_contradicted_priors(&input, linked).map(Some)
 }
 
 /// The closed form under the constraints that are tried when that asked for leads nowhere.
-fn under_other_constraints(matter: &Matter<'_>, options: &RefinementOptions) -> Vec<CameraSolution> {
+fn under_other_constraints(input: &RefinementInput<'_>, options: &RefinementOptions) -> Vec<CameraSolution> {
     let under = |constraint: Constraint| {
         let camera = CameraOptions { constraint, ..options.camera.clone() };
-        solve_camera_until(&matter.motions, &options.frame, &camera, matter.observer).ok()
+        solve_camera_until(&input.motions, &options.frame, &camera, input.observer).ok()
     };
     [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal].into_iter().filter_map(under).collect()
 }
 
 /// Refined again with the ordinary matches of views of different attitudes that see the same floor, and with images outside of any motion
 /// that see it; as it was where there are none, or where they contradict the motions.
-fn with_cross_links(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined, Error> {
-    let (cross_links, floors) = cross_attitude_links(&refined.joint, matter.pairs, &matter.used);
+fn with_cross_links(input: &RefinementInput<'_>, mut refined: Refined) -> Result<Refined, Error> {
+    let (cross_links, floors) = cross_attitude_links(&refined.joint, input.pairs, &input.used);
     refined.joint.floors = floors;
-    let free = free_views(&refined.joint, matter.pairs);
+    let free = free_views(&refined.joint, input.pairs);
     let mut links: Vec<PairId> = cross_links.iter().copied().chain(free.iter().flat_map(|f| f.links.clone())).collect();
     links.sort_unstable();
     links.dedup();
-    if let Some(mut joint) = linked(matter, &refined, &links, &free)? {
+    if let Some(mut joint) = linked(input, &refined, &links, &free)? {
         joint.floors = floors;
         refined.joint = joint;
     }
@@ -118,14 +120,19 @@ fn with_cross_links(matter: &Matter<'_>, mut refined: Refined) -> Result<Refined
 }
 
 /// Refined with more links between views, and with free views. `None` where there are none or they contradict the motions.
-fn linked(matter: &Matter<'_>, refined: &Refined, links: &[PairId], free: &[FreeView]) -> Result<Option<Joint>, Error> {
+fn linked(
+    input: &RefinementInput<'_>,
+    refined: &Refined,
+    links: &[PairId],
+    free: &[FreeView],
+) -> Result<Option<JointSolution>, Error> {
     let (joint, options) = (&refined.joint, &refined.options);
     if links.is_empty() {
         return Ok(None);
     }
-    let all: Vec<PairId> = matter.used.iter().chain(links).copied().collect();
+    let all: Vec<PairId> = input.used.iter().chain(links).copied().collect();
     let views = joint.views.and(free.iter().map(|f| f.image));
-    let Some(setup) = Setup::of_pairs(&all, matter.pairs, &views, matter.lens.lens(), &options.frame) else {
+    let Some(setup) = Setup::of_pairs(&all, input.pairs, &views, input.lens.lens(), &options.frame) else {
         return Ok(None);
     };
     let state = &joint.bundle.state;
@@ -140,7 +147,7 @@ fn linked(matter: &Matter<'_>, refined: &Refined, links: &[PairId], free: &[Free
     let Some(groups) = (0..views.len()).map(group_of).collect::<Option<Vec<usize>>>() else { return Ok(None) };
     let (scene, camera) = (joint.bundle.scene, state.cameras[0]);
     let start = state_from_links(scene, camera, &joint.intrinsics, &attitudes, &groups, &setup.links);
-    let mut linked = match adjusted(scene, setup, views, start.into_iter().collect(), options, matter.observer) {
+    let mut linked = match adjusted(scene, setup, views, start.into_iter().collect(), options, input.observer) {
         Ok(linked) => linked,
         Err(Error::Stopped) => return Err(Error::Stopped),
         Err(_) => return Ok(None),
@@ -167,10 +174,10 @@ struct FreeView {
 }
 
 /// Images outside of any motion whose homographies from views of the motions are of their floor: under the camera they stretch it in no direction.
-fn free_views(joint: &Joint, pairs: &[PairObservation]) -> Vec<FreeView> {
+fn free_views(joint: &JointSolution, pairs: &[PairObservation]) -> Vec<FreeView> {
     let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
     let state = &joint.bundle.state;
-    let tolerance = MAX_LINK_DEVIATION + 2.0 * joint.camera_covariance()[(0, 0)].max(0.0).sqrt();
+    let tolerance = MAX_LINK_MISFIT + 2.0 * joint.camera_covariance()[(0, 0)].max(0.0).sqrt();
     let mut found: Vec<FreeView> = Vec::new();
     let matches = |id: PairId| pairs[id].plane().map_or(0, |plane| plane.inliers.len());
     let mut sorted: Vec<&PairObservation> = pairs.iter().collect();
@@ -223,21 +230,25 @@ pub(super) fn likely_links(pairs: &[PairObservation], used: &[PairId]) -> Vec<Pa
 }
 
 /// Pairs of views of different attitudes whose homographies are of the floor that both look at.
-fn cross_attitude_links(joint: &Joint, pairs: &[PairObservation], used: &[PairId]) -> (Vec<PairId>, SharedFloors) {
+fn cross_attitude_links(
+    joint: &JointSolution,
+    pairs: &[PairObservation],
+    used: &[PairId],
+) -> (Vec<PairId>, SharedFloors) {
     let (k, k_inverse) = (joint.intrinsics.matrix(), joint.intrinsics.inverse_matrix());
     let state = &joint.bundle.state;
     let candidate = |pair: &PairObservation| {
         let [a, b] = joint.views.of_pair(pair)?.map(|view| state.frames[view.index()].group);
         let plane = pair.moving_plane().filter(|plane| plane.inliers.len() >= MIN_LINK_MATCHES)?;
         let m = k_inverse * plane.estimate.h_b_from_a.matrix() * k;
-        let deviation = floor_deviation(&m, [a, b].map(|group| &state.groups[group].attitude))?;
-        (a != b).then_some((pair.id, plane.inliers.len(), deviation))
+        let misfit = floor_misfit(&m, [a, b].map(|group| &state.groups[group].attitude))?;
+        (a != b).then_some((pair.id, plane.inliers.len(), misfit))
     };
     let candidates: Vec<(PairId, usize, f64)> =
         pairs.iter().filter(|pair| !used.contains(&pair.id)).filter_map(candidate).collect();
-    let contradict = candidates.iter().filter(|c| c.2 > CONTRADICTION).count();
+    let contradict = candidates.iter().filter(|c| c.2 > CONTRADICTING_MISFIT).count();
     let mut found: Vec<(PairId, usize)> =
-        candidates.iter().filter(|c| c.2 < MAX_LINK_DEVIATION).map(|c| (c.0, c.1)).collect();
+        candidates.iter().filter(|c| c.2 < MAX_LINK_MISFIT).map(|c| (c.0, c.1)).collect();
     let floors = SharedFloors { agree: found.len(), contradict };
     found.sort_by_key(|(id, matches)| (Reverse(*matches), *id));
     found.truncate(LINKS_PER_VIEW * joint.views.len());
@@ -257,9 +268,9 @@ pub(super) fn refine_turning(
     lens: &KnownLens,
     options: &RefinementOptions,
     observer: &dyn Observer,
-) -> Result<Joint, Error> {
+) -> Result<JointSolution, Error> {
     let mut options = options.clone();
-    // There is nothing for an attitude to stray from.
+    // An attitude of its own has no error against a group.
     options.bundle.attitude_sigma_rad = Some(0.0);
     let (used, frame) = (selection.used(), &options.frame);
     let views = Views::of_pairs(&used, pairs);

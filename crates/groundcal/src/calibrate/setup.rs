@@ -28,11 +28,11 @@ use crate::{
 };
 
 /// Noise no camera is below, in pixels: exact data keep finite weights.
-pub(super) const LEAST_NOISE_PX: f64 = 1e-4;
+pub(super) const MIN_NOISE_PX: f64 = 1e-4;
 /// Matches that the common noise of all pairs is worth in the estimate of one pair's.
 const COMMON_NOISE_MATCHES: f64 = 20.0;
-/// Deviations from its homography within which a match takes part; the weights of the loss do the rest.
-const REACH: f64 = 5.0;
+/// Standard deviations from its homography within which a match takes part; the weights of the loss do the rest.
+const MAX_INLIER_SIGMAS: f64 = 5.0;
 
 /// Views joined by homographies, and the points that they see.
 #[derive(Clone)]
@@ -92,7 +92,7 @@ fn matches_of(all: &[&JoinedPair], lens: Option<&PlacedLens>, frame: &Frame) -> 
             (n * joined.plane.estimate.sigma_px.powi(2) + COMMON_NOISE_MATCHES * common) / (n + COMMON_NOISE_MATCHES);
         for k in near_plane(joined.pair, joined.plane, lens, frame) {
             let m = &joined.pair.matches[k];
-            let variance = (noise * m.sigma_px * m.sigma_px).max(LEAST_NOISE_PX.powi(2));
+            let variance = (noise * m.sigma_px * m.sigma_px).max(MIN_NOISE_PX.powi(2));
             let observation =
                 |view: ViewId, pixel: Vector2<f64>| Observation::new(view.index(), pixel, variance.sqrt());
             let [a, b] = joined.views;
@@ -110,9 +110,10 @@ fn near_plane(
     lens: Option<&PlacedLens>,
     frame: &Frame,
 ) -> Vec<usize> {
-    let noise = (plane.estimate.sigma_px.max(LEAST_NOISE_PX) / frame.scale_px).powi(2);
+    let noise = (plane.estimate.sigma_px.max(MIN_NOISE_PX) / frame.scale_px).powi(2);
     let h = &plane.estimate.in_frame;
-    let near = |squared: f64, sigma_px: f64| squared / (noise * sigma_px * sigma_px) < REACH * REACH;
+    let near =
+        |squared: f64, sigma_px: f64| squared / (noise * sigma_px * sigma_px) < MAX_INLIER_SIGMAS * MAX_INLIER_SIGMAS;
     let within = |m: &PointMatch| {
         let ideal = match lens {
             Some(lens) if lens.lens.sees_behind() => {

@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 
 use crate::{
-    calibrate::{joint::Joint, options::Method},
+    calibrate::{joint::JointSolution, options::Method},
     ids::PairId,
     result::Warning,
     select::selection::Selection,
@@ -19,7 +19,7 @@ pub(super) struct Solved {
     /// Camera and attitudes.
     pub(super) solution: CameraSolution,
     /// The joint refinement, if there was one.
-    pub(super) joint: Option<Joint>,
+    pub(super) joint: Option<JointSolution>,
     /// The pairs used, ascending; members of the solution's groups count in it.
     pub(super) used: Vec<PairId>,
     /// Where motions were dropped because no camera could be refined with them: the selection without them.

@@ -2,9 +2,9 @@
 
 use crate::{
     calibrate::{
-        joint::Joint,
-        matter::{Refined, RefinementOptions},
+        joint::JointSolution,
         refinement::{Starts, refine_motions},
+        refinement_input::{Refined, RefinementOptions},
     },
     error::Error,
     geometry::{intrinsics::Intrinsics, size::ImageSize},
@@ -25,16 +25,16 @@ const MAX_VARIANCE: f64 = 25.0;
 /// axes before things that are not far away. (Of scenes with the lens on the axes or all things far, 3 of 60 are beyond, by a lens of higher
 /// order; of those with the lens off by 3 mm to 20 cm, 58 of 80, nearly all of them wrong by more than 4 deviations.)
 const MAX_DIRECTIONS_DESIGN_EFFECT: f64 = 2.6;
-/// Probability below which attitudes that stray are not put down to chance.
-const DISAGREEMENT: f64 = 1e-3;
+/// Significance level of attitude errors beyond the largest σ_a.
+const DISAGREEMENT_P: f64 = 1e-3;
 /// Widest field of view, degrees across the width, that a flat image can have.
 const MAX_FIELD_OF_VIEW_DEG: f64 = 170.0;
 /// Motions that are dropped one after the other, at most, and as a fraction of all.
-const MOST_DROPPED: usize = 4;
-const MOST_DROPPED_FRACTION: f64 = 0.25;
+const MAX_DROPPED: usize = 4;
+const MAX_DROPPED_FRACTION: f64 = 0.25;
 
 /// A refinement that can be vouched for.
-pub(super) struct Sound {
+pub(super) struct AcceptedRefinement {
     pub(super) refined: Refined,
     /// The selection without the motions that were dropped, if any were.
     pub(super) selection: Option<Selection>,
@@ -51,7 +51,7 @@ pub(super) fn refine_until_sound(
     lens: &KnownLens,
     (options, size): (&RefinementOptions, ImageSize),
     observer: &dyn Observer,
-) -> Result<Option<Sound>, Error> {
+) -> Result<Option<AcceptedRefinement>, Error> {
     let attempt = |selection: &Selection, solution: &CameraSolution, starts: Starts| {
         let refined = match refine_motions(pairs, selection, solution, lens, options, starts, observer) {
             Ok(Some(refined)) => refined,
@@ -60,12 +60,12 @@ pub(super) fn refine_until_sound(
             Err(error) => return Ok(Attempt::Failed(error, None)),
         };
         Ok(match check_soundness(&refined.joint, size) {
-            Ok(()) => Attempt::Sound(refined),
+            Ok(()) => Attempt::AcceptedRefinement(refined),
             Err(error) => Attempt::Failed(error, Some(refined)),
         })
     };
     let used = selection.used();
-    let most = MOST_DROPPED.min((MOST_DROPPED_FRACTION * used.len() as f64) as usize);
+    let most = MAX_DROPPED.min((MAX_DROPPED_FRACTION * used.len() as f64) as usize);
     let (mut left, mut solution) = (selection.clone(), solution.clone());
     let mut first_error = None;
     for dropped in 0..=most {
@@ -73,14 +73,14 @@ pub(super) fn refine_until_sound(
         for starts in [Starts::Usual, Starts::Many] {
             match attempt(&left, &solution, starts)? {
                 Attempt::NothingToRefine => return Ok(None),
-                Attempt::Sound(refined) => {
-                    return Ok(Some(Sound { refined, selection: (dropped > 0).then_some(left) }));
+                Attempt::AcceptedRefinement(refined) => {
+                    return Ok(Some(AcceptedRefinement { refined, selection: (dropped > 0).then_some(left) }));
                 }
                 Attempt::Failed(error, refined) => {
                     first_error.get_or_insert(error);
                     worst = refined.as_ref().map(|r| worst_motion(&r.joint, pairs, &left.used())).or(worst);
-                    // Another start does not help where one motion makes the attitudes of all stray.
-                    if dropped < most && refined.is_some_and(|r| strays_too_far(&r.joint)) {
+                    // Another start does not help where one motion gives all of them attitude errors.
+                    if dropped < most && refined.is_some_and(|r| attitude_errors_too_large(&r.joint)) {
                         break;
                     }
                 }
@@ -98,7 +98,7 @@ pub(super) fn refine_until_sound(
 
 enum Attempt {
     NothingToRefine,
-    Sound(Refined),
+    AcceptedRefinement(Refined),
     /// Why, and what it came to, if to anything.
     Failed(Error, Option<Refined>),
 }
@@ -116,17 +116,17 @@ fn unsound(reason: String) -> Error {
     Error::Unsound { reason, remedies: vec![Remedy::NamePairs, Remedy::ClearMotions, Remedy::GiveLensCoefficients] }
 }
 
-/// Whether the attitudes stray by more than those of a camera that turns about the floor's normal do, whatever it is carried by.
-fn strays_too_far(joint: &Joint) -> bool {
+/// Whether the attitude errors are larger than those of a camera that turns about the floor's normal, whatever it is carried by.
+fn attitude_errors_too_large(joint: &JointSolution) -> bool {
     let (chi_squared, directions) = joint.bundle.agreement_at_most;
-    joint.bundle.attitude_sigma.estimated && chi_squared_survival(chi_squared, directions) < DISAGREEMENT
+    joint.bundle.attitude_sigma.estimated && chi_squared_survival(chi_squared, directions) < DISAGREEMENT_P
 }
 
 /// Refuses a refinement that has not converged, whose residuals are no noise, or whose camera is none.
 ///
 /// # Errors
 /// [`Error::Unsound`].
-pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Error> {
+pub(super) fn check_soundness(joint: &JointSolution, size: ImageSize) -> Result<(), Error> {
     let bundle = &joint.bundle;
     if !joint.has_converged() {
         return Err(unsound(format!(
@@ -134,9 +134,9 @@ pub(super) fn check_soundness(joint: &Joint, size: ImageSize) -> Result<(), Erro
             bundle.iterations, joint.intrinsics.fx
         )));
     }
-    if strays_too_far(joint) {
+    if attitude_errors_too_large(joint) {
         return Err(unsound(format!(
-            "no camera explains the motions as turns about the floor's normal: from one to the next its attitude would stray by {:.1} degrees",
+            "no camera explains the motions as turns about the floor's normal: from one to the next its attitude would vary by {:.1} degrees",
             bundle.attitude_sigma.sigma.to_degrees()
         )));
     }
@@ -183,13 +183,13 @@ pub(super) fn check_field_of_view(k: &Intrinsics, size: ImageSize) -> Result<(),
     )))
 }
 
-/// The pair whose residuals are largest, in the median; where attitudes stray too far, the one whose two attitudes are furthest apart.
-fn worst_motion(joint: &Joint, pairs: &[PairObservation], used: &[PairId]) -> PairId {
-    let stray = strays_too_far(joint);
+/// The pair whose residuals are largest, in the median; where attitude errors are too large, the one whose two attitudes are furthest apart.
+fn worst_motion(joint: &JointSolution, pairs: &[PairObservation], used: &[PairId]) -> PairId {
+    let too_large = attitude_errors_too_large(joint);
     let of_pair = |id: PairId| {
         let Some(views) = joint.views.of_pair(&pairs[id]) else { return 0.0 };
         let [a, b] = views.map(ViewId::index);
-        if stray {
+        if too_large {
             let [a, b] = [a, b].map(|frame| joint.bundle.state.frames[frame].delta_rad);
             return (a[0] - b[0]).hypot(a[1] - b[1]);
         }

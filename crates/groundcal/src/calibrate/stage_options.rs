@@ -5,7 +5,7 @@ use crate::{
     geometry::{frame::Frame, size::ImageSize},
     pairs::{
         known_lens::LensOptions,
-        observe::{COARSEST_PX, ObserveOptions},
+        observe::{MAX_NOISE_PX, ObserveOptions},
         patch::PatchStageOptions,
     },
     select::{general::GeneralOptions, plane_normal::PlaneNormalOptions, rotations::RotationOptions},
@@ -107,7 +107,7 @@ impl<'a> StageOptions<'a> {
             },
             general: GeneralOptions {
                 min_matches,
-                max_sigma_px: if source.has_images { options.robust.max_sigma_px } else { COARSEST_PX },
+                max_sigma_px: if source.has_images { options.robust.max_sigma_px } else { MAX_NOISE_PX },
             },
             patches: (source.has_images && options.match_patches && options.method != Method::Kzr)
                 .then_some(PatchStageOptions { patches: options.patches, observe }),

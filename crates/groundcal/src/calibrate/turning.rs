@@ -5,10 +5,10 @@ use nalgebra::SMatrix;
 
 use crate::{
     calibrate::{
-        joint::Joint,
-        matter::RefinementOptions,
+        joint::JointSolution,
         options::{LensModel, Method},
         refinement::refine_turning,
+        refinement_input::RefinementOptions,
         solved::Solved,
         soundness::check_soundness,
         stage_options::StageOptions,
@@ -115,7 +115,7 @@ fn refined(
     refinement: &RefinementOptions,
     stages: &StageOptions<'_>,
     observer: &dyn Observer,
-) -> Result<Joint, Error> {
+) -> Result<JointSolution, Error> {
     let [cx, cy] = stages.rotations.principal_point_px;
     let k = Intrinsics { fy: focal_px * stages.rotations.aspect, ..Intrinsics::square(focal_px, cx, cy) };
     refine_turning(pairs, selection, &k, lens, refinement, observer)

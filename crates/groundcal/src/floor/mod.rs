@@ -1,12 +1,22 @@
 //! Pixels and points of the floor; bird's-eye and undistorted pictures.
 
-pub mod layout;
-pub mod odometry;
+pub(crate) mod layout;
+pub(crate) mod odometry;
 mod outline;
-pub mod placed;
-pub mod points;
-pub mod projection;
-pub mod rectify;
-pub mod scale;
-pub mod undistort;
-pub mod view;
+pub(crate) mod placed;
+pub(crate) mod points;
+pub(crate) mod projection;
+pub(crate) mod rectify;
+pub(crate) mod scale;
+pub(crate) mod undistort;
+pub(crate) mod view;
+
+pub use layout::{DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, Resolution, ResolutionError, Up, sets_of_one_world};
+pub use odometry::{BasePose, camera_on_base, scale_of_all};
+pub use placed::{Placed, placed};
+pub use points::{FloorPoint, ImagePoint, Length, MeasuringView, view_named};
+pub use projection::{CELLS, projection_uncertainty};
+pub use rectify::{Mosaic, rectify};
+pub use scale::{KnownDistance, with_floor_distance, with_uncertain_height};
+pub use undistort::{Fit, Undistortion};
+pub use view::{FloorGrid, FloorView};

@@ -8,8 +8,8 @@
 //! a = s cos φ,  b = s sin φ              linear in (a, b, tx, ty)
 //! ```
 //!
-//! (hand-eye calibration in the plane; δ is the camera's, which sees it better). Odometry strays by a part k of the way, which the residuals tell
-//! together with what is usual ([`USUAL_NOISE`]). The errors of the views have a part that all share, that of camera and attitude: it goes through the
+//! (hand-eye calibration in the plane; δ is the camera's, which sees it better). Odometry errs by a part k of the way, which the residuals tell
+//! together with what is usual ([`PRIOR_NOISE`]). The errors of the views have a part that all share, that of camera and attitude: it goes through the
 //! estimate as a whole and is not averaged.
 
 use nalgebra::{DMatrix, Matrix2, Matrix2x4, Matrix4, Rotation2, Vector2, Vector4};
@@ -32,16 +32,16 @@ pub struct BasePose {
     pub yaw_rad: f64,
 }
 
-/// What odometry of wheels strays by over the way driven, and how many equations' worth of trust that has.
-pub const USUAL_NOISE: f64 = 0.01;
-const TRUST: f64 = 4.0;
+/// What odometry of wheels errs by over the way driven, and how many equations' worth of trust that has.
+pub(crate) const PRIOR_NOISE: f64 = 0.01;
+const PRIOR_EQUATIONS: f64 = 4.0;
 /// A camera sits within this of the base's origin, one standard deviation in metres.
 const MOUNT_SIGMA_M: f64 = 10.0;
 /// A place of the camera that is known no better than by this part of that is not told.
-const NARROWED: f64 = 0.3;
+const MAX_POSTERIOR_RATIO: f64 = 0.3;
 /// Part of the longest way of a motion below which ways count as that long.
-const LEAST_WAY: f64 = 0.02;
-const ROUNDS: usize = 30;
+const MIN_WAY_FRACTION: f64 = 0.02;
+const MAX_ROUNDS: usize = 30;
 
 /// A motion of base and camera.
 struct Motion {
@@ -149,18 +149,18 @@ fn solved(motions: &[Motion], view: &ViewReport, attitude: usize) -> Option<Came
     if motions.len() < 2 {
         return None;
     }
-    let (mut p, mut noise) = (Vector4::zeros(), USUAL_NOISE);
+    let (mut p, mut noise) = (Vector4::zeros(), PRIOR_NOISE);
     let mut inverse = Matrix4::zeros();
     // The scale before anything is known: of the ways driven.
     let ways = |f: &dyn Fn(&Motion) -> f64| motions.iter().map(f).fold(0.0, f64::max);
     let mut scale = ways(&|m| m.u.norm()) / ways(&|m| m.w.norm()).max(f64::MIN_POSITIVE);
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let mount = p.fixed_rows::<2>(2).norm();
         let way = |m: &Motion| m.u.norm() + m.delta.abs() * mount;
-        let least = LEAST_WAY * ways(&way);
-        let (strays, unit) = (noise, scale);
+        let least = MIN_WAY_FRACTION * ways(&way);
+        let (relative_noise, unit) = (noise, scale);
         let weight = |m: &Motion| {
-            let variance = (strays * way(m).max(least)).powi(2);
+            let variance = (relative_noise * way(m).max(least)).powi(2);
             (Matrix2::identity() * variance + m.own * unit.powi(2)).try_inverse()
         };
         let prior = MOUNT_SIGMA_M.powi(-2);
@@ -180,7 +180,8 @@ fn solved(motions: &[Motion], view: &ViewReport, attitude: usize) -> Option<Came
             chi_squared += (left.transpose() * weight(m)? * left)[(0, 0)];
         }
         let freedom = (2.0 * motions.len() as f64 - 4.0).max(0.0);
-        let squared = (TRUST * USUAL_NOISE.powi(2) + noise.powi(2) * chi_squared) / (TRUST + freedom);
+        let squared =
+            (PRIOR_EQUATIONS * PRIOR_NOISE.powi(2) + noise.powi(2) * chi_squared) / (PRIOR_EQUATIONS + freedom);
         noise = squared.sqrt();
     }
     let covariance = inverse + through_shared(motions, view, &p, &inverse, noise)?;
@@ -198,7 +199,7 @@ fn through_shared(
     let shared = view.covariance.of(&shared_numbers());
     let mount = p.fixed_rows::<2>(2).norm();
     let way = |m: &Motion| m.u.norm() + m.delta.abs() * mount;
-    let least = LEAST_WAY * motions.iter().map(way).fold(0.0, f64::max);
+    let least = MIN_WAY_FRACTION * motions.iter().map(way).fold(0.0, f64::max);
     let turned = Matrix2::new(p.x, -p.y, p.y, p.x);
     let mut by = DMatrix::zeros(4, shared.nrows());
     for m in motions {
@@ -229,7 +230,7 @@ fn result(
     let yaw_sigma = of(Vector4::new(-p.y, p.x, 0.0, 0.0) / scale.powi(2));
     let [x, y] = [2, 3].map(|i| covariance[(i, i)].max(0.0).sqrt());
     let [height, height_sigma] = [view.position?[2], view.position_sigma.map_or(0.0, |s| s[2])];
-    let is_told = x.max(y) < NARROWED * MOUNT_SIGMA_M;
+    let is_told = x.max(y) < MAX_POSTERIOR_RATIO * MOUNT_SIGMA_M;
     Some(CameraOnBase {
         attitude,
         origin: view.origin.clone(),
@@ -302,8 +303,8 @@ mod tests {
                 let step = Rotation2::new(0.5 * turn) * Vector2::new(way, 0.0);
                 true_at += Rotation2::new(true_yaw) * step;
                 true_yaw += turn;
-                let strayed = step + Vector2::new(normal(), normal()) * noise * way;
-                odometry_at += Rotation2::new(odometry_yaw) * strayed;
+                let measured = step + Vector2::new(normal(), normal()) * noise * way;
+                odometry_at += Rotation2::new(odometry_yaw) * measured;
                 odometry_yaw += turn * (1.0 + noise * normal());
             }
             let camera = true_at + Rotation2::new(true_yaw) * Vector2::new(MOUNT[0], MOUNT[1]);

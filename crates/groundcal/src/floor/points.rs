@@ -67,11 +67,6 @@ impl MeasuringView {
         Ok(Self { view, covariance: report.covariance.clone() })
     }
 
-    /// The view itself.
-    pub fn view(&self) -> &FloorView {
-        &self.view
-    }
-
     /// The point of the floor at a pixel; `None` at or above the horizon, or where the lens model gives no ray.
     pub fn floor_point(&self, pixel: [f64; 2], pixel_sigma_px: f64) -> Option<FloorPoint> {
         let q = Vector2::from(pixel);

@@ -25,7 +25,7 @@ use crate::{
 /// Cells along the longer side of the image.
 pub const CELLS: usize = 16;
 /// Most cells along it: beyond that nothing new is seen.
-pub const MOST_CELLS: usize = 200;
+pub(crate) const MAX_CELLS: usize = 200;
 
 const NUMBERS: usize = Parameter::ALL.len();
 const POSE: usize = ViewParameter::OF_POSE.len();
@@ -42,7 +42,7 @@ pub fn projection_uncertainty(c: &Calibration, cells: usize) -> Option<Projectio
         return None;
     }
     let size = c.camera.size();
-    let cells_xy = cells_of(size, cells.clamp(1, MOST_CELLS));
+    let cells_xy = cells_of(size, cells.clamp(1, MAX_CELLS));
     let mut of = ProjectionUncertainty { cells_xy, distant_px: Vec::new(), attitude: None, floor_px: Vec::new() };
     let middles: Vec<Vector2<f64>> =
         (0..cells_xy[0] * cells_xy[1]).map(|i| of.middle_px(i, c.camera.image_size).into()).collect();

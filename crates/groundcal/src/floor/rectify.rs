@@ -20,13 +20,13 @@ use crate::{
 /// Width of the border over which a view fades in a mosaic, as a fraction of the image's shorter side, and what is left of its weight
 /// at the very border.
 const BORDER: f64 = 0.2;
-const LEAST_WEIGHT: f64 = 1e-3;
+const MIN_WEIGHT: f64 = 1e-3;
 /// Columns and rows of pixels that are asked for their resolution.
 const PROBES: [usize; 2] = [32, 24];
 
 /// The resolution of views on the floor, in pixels for a unit of length: the median over pixels that see the floor within
 /// `max_distance` of the view's foot of the root of the area that a unit of floor has in the image. `None` when none sees it.
-pub fn source_resolution<'a>(
+pub(crate) fn source_resolution<'a>(
     views: impl IntoIterator<Item = &'a FloorView>,
     size: ImageSize,
     max_distance: f64,
@@ -168,7 +168,7 @@ fn weight_of(sample: &Sample, size: ImageSize) -> f32 {
     let inside = t * t * (3.0 - 2.0 * t);
     // Within the range of single precision, sums included.
     let detail = sample.area.clamp(1e-6, 1e6);
-    (detail.powi(4) * inside.max(LEAST_WEIGHT).powi(2)) as f32
+    (detail.powi(4) * inside.max(MIN_WEIGHT).powi(2)) as f32
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@
 //! source pixel = K lens(K'⁻¹ x)        x: pixel of the undistorted image, K' its camera matrix
 //! ```
 //!
-//! Pixel (0, 0) is the centre of the top-left pixel in both. What a wide lens sees beyond [`WIDEST_RAD`] from its axis no flat image
+//! Pixel (0, 0) is the centre of the top-left pixel in both. What a wide lens sees beyond [`MAX_ANGLE_RAD`] from its axis no flat image
 //! holds sensibly: there a pixel of the original covers more than thirty of the new one.
 
 use std::f64::consts::PI;
@@ -43,9 +43,9 @@ pub struct Undistortion {
 /// Points on each side of the image that say how far the undistorted scene reaches.
 const BORDER_POINTS: usize = 64;
 /// Angle from the optical axis up to which a flat image is stretched over what a wide lens sees.
-pub const WIDEST_RAD: f64 = 80.0 / 180.0 * PI;
+pub(crate) const MAX_ANGLE_RAD: f64 = 80.0 / 180.0 * PI;
 /// Widest field of view that can be asked for.
-const WIDEST_FIELD_OF_VIEW_RAD: f64 = 175.0 / 180.0 * PI;
+const MAX_FIELD_OF_VIEW_RAD: f64 = 175.0 / 180.0 * PI;
 
 impl Undistortion {
     /// Of a camera.
@@ -122,7 +122,7 @@ fn sides(camera: &Camera) -> Result<[Vec<Vector2<f64>>; 4], Error> {
             let pixel = on_border(camera.size, i, t);
             let ray = camera.unproject(&pixel).ok_or_else(|| folded(camera))?;
             let angle = ray.xy().norm().atan2(ray.z);
-            if angle > WIDEST_RAD && !matches!(camera.lens, Lens::None | Lens::Radtan(_)) {
+            if angle > MAX_ANGLE_RAD && !matches!(camera.lens, Lens::None | Lens::Radtan(_)) {
                 return Err(Error::InvalidInput(format!(
                     "the image shows directions of {:.0} degrees from the optical axis: no flat image holds them. Crop it, or name a \
                      field of view",
@@ -173,17 +173,17 @@ fn centred(camera: &Camera, fx: f64) -> Intrinsics {
 }
 
 fn of_field_of_view(camera: &Camera, horizontal_rad: f64) -> Result<Intrinsics, Error> {
-    if !(horizontal_rad > 0.0 && horizontal_rad <= WIDEST_FIELD_OF_VIEW_RAD) {
+    if !(horizontal_rad > 0.0 && horizontal_rad <= MAX_FIELD_OF_VIEW_RAD) {
         return Err(Error::InvalidInput(format!(
             "a field of view of {:.1} degrees: a flat image shows more than 0 and at most {:.0}",
             horizontal_rad.to_degrees(),
-            WIDEST_FIELD_OF_VIEW_RAD.to_degrees()
+            MAX_FIELD_OF_VIEW_RAD.to_degrees()
         )));
     }
     Ok(centred(camera, 0.5 * camera.size.width as f64 / (0.5 * horizontal_rad).tan()))
 }
 
-/// The shortest focal length whose image is filled, its corners at most [`WIDEST_RAD`] from the axis. The lens being wide, its
+/// The shortest focal length whose image is filled, its corners at most [`MAX_ANGLE_RAD`] from the axis. The lens being wide, its
 /// border has rays that no flat image holds, so the search is from the inside.
 fn cropped(camera: &Camera) -> Result<Intrinsics, Error> {
     let (w, h) = (camera.size.width as f64, camera.size.height as f64);
@@ -191,7 +191,7 @@ fn cropped(camera: &Camera) -> Result<Intrinsics, Error> {
         let k = centred(camera, fx);
         (0..4).flat_map(|side| along_side().map(move |t| (side, t))).all(|(side, t)| {
             let ray = k.ray(&on_border(camera.size, side, t));
-            let within = ray.xy().norm() <= WIDEST_RAD.tan();
+            let within = ray.xy().norm() <= MAX_ANGLE_RAD.tan();
             let inside = |p: Vector2<f64>| p.x >= -0.5 && p.y >= -0.5 && p.x <= w - 0.5 && p.y <= h - 0.5;
             within && camera.project(&ray).is_some_and(inside)
         })
@@ -296,7 +296,7 @@ mod tests {
             // It touches a border, or has corners as far out as can be.
             let corner = crop.intrinsics().ray(&Vector2::new(-0.5, -0.5));
             let touches = seen(&crop).iter().any(|p| p.x < -0.3 || p.y < -0.3);
-            assert!(touches || (corner.xy().norm().atan() - WIDEST_RAD).abs() < 1e-6, "{lens:?} {corner}");
+            assert!(touches || (corner.xy().norm().atan() - MAX_ANGLE_RAD).abs() < 1e-6, "{lens:?} {corner}");
             let fov = Undistortion::new(&wide, Fit::FieldOfView { horizontal_rad: PI / 2.0 }).unwrap();
             assert!((fov.intrinsics().fx - 320.0).abs() < 1e-9 && fov.intrinsics().cx == 319.5);
             // 45 degrees to the right are at the right side.

@@ -72,7 +72,7 @@ impl FloorView {
     }
 
     /// Points of the floor from ideal pixels, with the covariance that follows from that of the camera and the view.
-    pub fn homography_with_covariance(&self, covariance: &Covariance<ViewParameter>) -> FloorHomography {
+    pub(crate) fn homography_with_covariance(&self, covariance: &Covariance<ViewParameter>) -> FloorHomography {
         let by = self
             .derivative_by_numbers(|v| SVector::<f64, 9>::from_row_slice(v.floor_from_image().transpose().as_slice()));
         let h = self.floor_from_image();
@@ -100,24 +100,9 @@ impl FloorView {
         Self::new(&camera.intrinsics(), camera.lens(), &pose)
     }
 
-    /// The camera matrix.
-    pub fn intrinsics(&self) -> &Intrinsics {
-        &self.intrinsics
-    }
-
-    /// The lens.
-    pub fn lens(&self) -> &Lens {
-        &self.lens
-    }
-
     /// Optical centre: x, y, height.
     pub fn centre(&self) -> &Vector3<f64> {
         &self.centre
-    }
-
-    /// Camera from world coordinates.
-    pub fn rotation_cam_from_world(&self) -> &Matrix3<f64> {
-        &self.rotation
     }
 
     /// The point of the floor below the optical centre.
@@ -135,7 +120,8 @@ impl FloorView {
     }
 
     /// Ideal pixels from points of the floor, homogeneous; the third coordinate is the depth.
-    pub fn image_from_floor(&self) -> Matrix3<f64> {
+    #[cfg(test)]
+    pub(crate) fn image_from_floor(&self) -> Matrix3<f64> {
         let [x, y] = [0, 1].map(|i| self.rotation.column(i).into_owned());
         self.intrinsics.matrix() * Matrix3::from_columns(&[x, y, -(self.rotation * self.centre)])
     }
@@ -158,12 +144,12 @@ impl FloorView {
     }
 
     /// The pixel at which a point far away in a direction (world coordinates) is seen; `None` as above.
-    pub fn pixel_from_direction(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn pixel_from_direction(&self, direction: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.pixel_from_ray(&(self.rotation * direction))
     }
 
     /// The direction (world coordinates, unit length) of what is seen at a pixel; `None` where the lens model gives no ray.
-    pub fn direction(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
+    pub(crate) fn direction(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         self.ray(pixel).map(|ray| self.rotation.transpose() * ray)
     }
 
@@ -242,7 +228,7 @@ const STEP: f64 = 1e-6;
 impl FloorView {
     /// Derivative of something made of a view by the numbers of [`ViewReport::covariance`], in the order of [`ViewParameter::ALL`].
     /// Central differences.
-    pub fn derivative_by_numbers<const N: usize>(
+    pub(crate) fn derivative_by_numbers<const N: usize>(
         &self,
         value: impl Fn(&Self) -> SVector<f64, N>,
     ) -> SMatrix<f64, N, { ViewParameter::COUNT }> {
@@ -353,7 +339,7 @@ impl FloorGrid {
     }
 
     /// Number of pixels.
-    pub fn pixels(&self) -> u64 {
+    pub(crate) fn pixels(&self) -> u64 {
         self.size.width as u64 * self.size.height as u64
     }
 }

@@ -52,7 +52,7 @@ pub fn up_in_camera(pitch_down_rad: f64, roll_rad: f64) -> Vector3<f64> {
 
 /// Pitch (down) and roll in radians, from the plane's upward normal in camera coordinates (any positive length). Looking
 /// straight down or up leaves the roll undetermined: it is then whatever rounding makes of it (zero for exact zeros).
-pub fn attitude_from_up(up_in_camera: &Vector3<f64>) -> (f64, f64) {
+pub(crate) fn attitude_from_up(up_in_camera: &Vector3<f64>) -> (f64, f64) {
     let (x, y, z) = (up_in_camera.x, up_in_camera.y, up_in_camera.z);
     let level = x.hypot(y);
     let roll = if level == 0.0 { 0.0 } else { (-x).atan2(-y) };

@@ -105,7 +105,8 @@ impl Camera {
     }
 
     /// The same image size and lens model with other parameters; `None` where their number is not the model's.
-    pub fn with_parameters(&self, parameters: &[f64]) -> Option<Self> {
+    #[cfg(test)]
+    pub(crate) fn with_parameters(&self, parameters: &[f64]) -> Option<Self> {
         let [fx, fy, cx, cy, skew, lens @ ..] = parameters else { return None };
         let intrinsics = Intrinsics { fx: *fx, fy: *fy, cx: *cx, cy: *cy, skew: *skew };
         Some(Self { intrinsics, lens: self.lens.with_parameters(lens)?, ..*self })

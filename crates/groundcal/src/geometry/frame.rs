@@ -34,7 +34,7 @@ impl Frame {
     }
 
     /// The matrix that takes homogeneous frame coordinates to pixels.
-    pub fn pixel_matrix(&self) -> Matrix3<f64> {
+    pub(crate) fn pixel_matrix(&self) -> Matrix3<f64> {
         Matrix3::new(self.scale_px, 0.0, self.origin_px.x, 0.0, self.scale_px, self.origin_px.y, 0.0, 0.0, 1.0)
     }
 

@@ -28,7 +28,7 @@ impl Homography {
     }
 
     /// The matrix, determinant 1.
-    pub fn matrix(&self) -> &Matrix3<f64> {
+    pub(crate) fn matrix(&self) -> &Matrix3<f64> {
         &self.0
     }
 
@@ -39,7 +39,7 @@ impl Homography {
     }
 
     /// The homography from b to a.
-    pub fn inverse(&self) -> Self {
+    pub(crate) fn inverse(&self) -> Self {
         let m = &self.0;
         // Determinant 1: the inverse is the adjugate, which never fails.
         let adjugate = Matrix3::from_fn(|r, c| {
@@ -56,7 +56,7 @@ impl Homography {
     }
 
     /// A map given in frame coordinates, in pixels.
-    pub fn from_frame(m: &Matrix3<f64>, frame: &Frame) -> Result<Self, Error> {
+    pub(crate) fn from_frame(m: &Matrix3<f64>, frame: &Frame) -> Result<Self, Error> {
         Self::new(frame.pixel_matrix() * m * frame.frame_matrix())
     }
 }

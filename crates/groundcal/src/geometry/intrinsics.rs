@@ -45,7 +45,7 @@ impl Intrinsics {
     }
 
     /// From an upper triangular matrix with positive diagonal, divided by its last entry; `None` when it is not one.
-    pub fn from_matrix(k: &Matrix3<f64>) -> Option<Self> {
+    pub(crate) fn from_matrix(k: &Matrix3<f64>) -> Option<Self> {
         let k = k / k[(2, 2)];
         let upper = k[(1, 0)] == 0.0 && k[(2, 0)] == 0.0 && k[(2, 1)] == 0.0;
         let ok = upper && k[(0, 0)] > 0.0 && k[(1, 1)] > 0.0 && k.iter().all(|v| v.is_finite());
@@ -64,7 +64,7 @@ impl Intrinsics {
     }
 
     /// Direction (not of unit length, z = 1) of the ray through a pixel, in the camera frame.
-    pub fn ray(&self, p: &Vector2<f64>) -> Vector3<f64> {
+    pub(crate) fn ray(&self, p: &Vector2<f64>) -> Vector3<f64> {
         let n = self.normalised_from_pixel(p);
         Vector3::new(n.x, n.y, 1.0)
     }

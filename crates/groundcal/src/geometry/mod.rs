@@ -1,13 +1,25 @@
 //! Cameras, attitudes, planes: models and conventions, without estimation.
 
-pub mod attitude;
-pub mod camera;
-pub mod camera_difference;
-pub mod constraint;
-pub mod frame;
-pub mod homography;
-pub mod intrinsics;
-pub mod lens;
-pub mod parameters;
-pub mod plane_view;
-pub mod size;
+pub(crate) mod attitude;
+pub(crate) mod camera;
+pub(crate) mod camera_difference;
+pub(crate) mod constraint;
+pub(crate) mod frame;
+pub(crate) mod homography;
+pub(crate) mod intrinsics;
+pub(crate) mod lens;
+pub(crate) mod parameters;
+pub(crate) mod plane_view;
+pub(crate) mod size;
+
+pub use attitude::{angles_from_rotation, attitude_rotation, rotation_cam_from_world, up_in_camera, yaw_rotation};
+pub use camera::{Camera, CameraProjection, INTRINSIC_NAMES};
+pub use camera_difference::{CameraDifference, PixelDifference, Significance, camera_difference, significance};
+pub use constraint::Constraint;
+pub use frame::Frame;
+pub use homography::{Homography, HomographyCovariance, covariance_in_frame};
+pub use intrinsics::Intrinsics;
+pub use lens::{Division, Fisheye, Lens, Radtan};
+pub use parameters::{Parameter, PriorParameter};
+pub use plane_view::{View, project};
+pub use size::ImageSize;

@@ -153,7 +153,7 @@ impl PriorParameter {
     }
 
     /// Whether it belongs to the lens.
-    pub fn is_of_lens(self) -> bool {
+    pub(crate) fn is_of_lens(self) -> bool {
         use PriorParameter::{K1, K2, K3, P1, P2};
         matches!(self, K1 | K2 | P1 | P2 | K3)
     }

@@ -28,10 +28,10 @@ pub struct View {
 }
 
 /// Number of derivatives of [`project_with_jacobian`].
-pub const PARAMETERS: usize = 13;
+pub(crate) const PARAMETERS: usize = 13;
 
 /// Order of the derivatives: (fx, fy, cx, cy, skew), (pitch, roll), yaw, centre (x, y, height), point (X, Y).
-pub type ProjectionJacobian = SMatrix<f64, 2, PARAMETERS>;
+pub(crate) type ProjectionJacobian = SMatrix<f64, 2, PARAMETERS>;
 
 /// The pixel of a floor point; `None` when it lies behind the camera.
 pub fn project(k: &Intrinsics, view: &View, point: &Vector2<f64>) -> Option<Vector2<f64>> {
@@ -41,7 +41,7 @@ pub fn project(k: &Intrinsics, view: &View, point: &Vector2<f64>) -> Option<Vect
 }
 
 /// The pixel of a floor point and its derivatives.
-pub fn project_with_jacobian(
+pub(crate) fn project_with_jacobian(
     k: &Intrinsics,
     view: &View,
     point: &Vector2<f64>,

@@ -21,7 +21,7 @@ impl ImageSize {
     }
 
     /// Half the mean side, in pixels: the unit of the normalised image frame.
-    pub fn half_mean_side_px(self) -> f64 {
+    pub(crate) fn half_mean_side_px(self) -> f64 {
         (self.width + self.height) as f64 / 4.0
     }
 

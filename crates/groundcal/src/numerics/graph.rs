@@ -22,7 +22,7 @@ pub fn components(count: usize, edges: impl IntoIterator<Item = (usize, usize)>)
 }
 
 /// The name of the component of most nodes, of [`components`]; of equal ones the first. `None` without nodes.
-pub fn largest_component(labels: &[usize]) -> Option<usize> {
+pub(crate) fn largest_component(labels: &[usize]) -> Option<usize> {
     let mut size = vec![0usize; labels.len()];
     for &label in labels {
         size[label] += 1;
@@ -32,7 +32,7 @@ pub fn largest_component(labels: &[usize]) -> Option<usize> {
 
 /// A node as [`spanning_forest`] reaches it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Reached {
+pub(crate) struct TreeNode {
     /// The node.
     pub node: usize,
     /// The edge (its index) that leads to it, and the node it comes from; `None`: the first of its component.
@@ -41,7 +41,7 @@ pub struct Reached {
 
 /// All nodes in an order in which each but the first of its component is led to by an edge from one before: always the first edge
 /// of the list that leads on (Prim, where the list has the best edges first). Components come in the order of their first nodes.
-pub fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<Reached> {
+pub(crate) fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<TreeNode> {
     let mut found = vec![false; count];
     let mut at: Vec<Vec<usize>> = vec![Vec::new(); count];
     for (e, &(a, b)) in edges.iter().enumerate() {
@@ -56,7 +56,7 @@ pub fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<Reached> {
             continue;
         }
         found[first] = true;
-        order.push(Reached { node: first, by: None });
+        order.push(TreeNode { node: first, by: None });
         let mut open: BTreeSet<usize> = at[first].iter().copied().collect();
         while let Some(e) = open.pop_first() {
             let (a, b) = edges[e];
@@ -65,7 +65,7 @@ pub fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<Reached> {
             }
             let (from, node) = if found[a] { (a, b) } else { (b, a) };
             found[node] = true;
-            order.push(Reached { node, by: Some((e, from)) });
+            order.push(TreeNode { node, by: Some((e, from)) });
             open.extend(&at[node]);
         }
     }
@@ -73,7 +73,7 @@ pub fn spanning_forest(count: usize, edges: &[(usize, usize)]) -> Vec<Reached> {
 }
 
 /// Nodes connected with the first, nearest first.
-pub fn breadth_first(neighbours: &[BTreeSet<usize>], first: usize) -> Vec<usize> {
+pub(crate) fn breadth_first(neighbours: &[BTreeSet<usize>], first: usize) -> Vec<usize> {
     let mut found = vec![false; neighbours.len()];
     found[first] = true;
     let mut queue = VecDeque::from([first]);
@@ -106,7 +106,7 @@ mod tests {
     fn the_forest_follows_the_best_edge_that_leads_on() {
         let edges = [(3, 4), (1, 2), (0, 2), (0, 1)];
         let order = spanning_forest(5, &edges);
-        let of = |node, by| Reached { node, by };
+        let of = |node, by| TreeNode { node, by };
         assert_eq!(
             order,
             [of(0, None), of(2, Some((2, 0))), of(1, Some((1, 2))), of(3, None), of(4, Some((0, 3)))],

@@ -5,14 +5,14 @@
 //! multiplies the diagonal (Marquardt 1963), its factor follows the ratio of actual to predicted decrease (Nielsen 1999).
 //!
 //! Estimating equations g(x) = 0 whose weights depend on x are no gradient of a cost: of these every full step is taken
-//! ([`Descent::Undamped`]), and the cost says no more than whether the model is defined.
+//! ([`StepPolicy::Undamped`]), and the cost says no more than whether the model is defined.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::observer::{Observer, Silent};
 
 /// Cost, gradient and Gauss-Newton matrix at a state.
-pub struct NormalEquations {
+pub(crate) struct NormalEquations {
     /// Half the weighted sum of squared residuals.
     pub cost: f64,
     /// Jᵀ W r.
@@ -22,7 +22,7 @@ pub struct NormalEquations {
 }
 
 /// A step that solves damped normal equations.
-pub struct DampedStep {
+pub(crate) struct DampedStep {
     /// In the tangent space of the state, less what was eliminated from the equations ([`Linearisation::completed`]).
     pub step: DVector<f64>,
     /// By how much the linearised problem says the cost falls.
@@ -30,7 +30,7 @@ pub struct DampedStep {
 }
 
 /// A problem linearised at a state.
-pub trait Linearisation {
+pub(crate) trait Linearisation {
     /// Half the weighted sum of squared residuals.
     fn cost(&self) -> f64;
     /// The step for a damping factor λ on the diagonal; `None` when the damped matrix is not positive definite.
@@ -58,7 +58,7 @@ impl Linearisation for NormalEquations {
 }
 
 /// What the loop asks of a problem.
-pub trait LeastSquares {
+pub(crate) trait LeastSquares {
     /// The unknowns.
     type State: Clone;
     /// Its linearised form.
@@ -73,7 +73,7 @@ pub trait LeastSquares {
 
 /// Which steps are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Descent {
+pub enum StepPolicy {
     /// Those that lower the cost (Levenberg-Marquardt).
     #[default]
     Damped,
@@ -85,7 +85,7 @@ pub enum Descent {
 #[derive(Debug, Clone, Copy)]
 pub struct LmOptions {
     /// Which steps are taken.
-    pub descent: Descent,
+    pub descent: StepPolicy,
     /// Most steps tried.
     pub max_iterations: usize,
     /// Stop when the decrease predicted for the next step is below this fraction of the cost.
@@ -96,7 +96,7 @@ pub struct LmOptions {
 
 impl Default for LmOptions {
     fn default() -> Self {
-        Self { descent: Descent::Damped, max_iterations: 50, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 }
+        Self { descent: StepPolicy::Damped, max_iterations: 50, relative_cost_tolerance: 1e-12, step_tolerance: 1e-14 }
     }
 }
 
@@ -114,7 +114,7 @@ pub enum StopReason {
 }
 
 /// The best state found and how it was reached.
-pub struct LmOutput<S, L> {
+pub(crate) struct LmOutput<S, L> {
     /// The best state.
     pub state: S,
     /// Half the weighted sum of squared residuals there.
@@ -131,7 +131,7 @@ pub struct LmOutput<S, L> {
 const FIRST_GROWTH: f64 = 2.0;
 
 /// Minimise; `None` only when the problem is undefined at the start.
-pub fn minimise<P: LeastSquares>(
+pub(crate) fn minimise<P: LeastSquares>(
     problem: &P,
     start: P::State,
     options: &LmOptions,
@@ -148,7 +148,7 @@ pub(crate) fn minimise_until<P: LeastSquares>(
 ) -> Option<LmOutput<P::State, P::Linearised>> {
     let mut state = start;
     let mut at = problem.linearise(&state)?;
-    let undamped = options.descent == Descent::Undamped;
+    let undamped = options.descent == StepPolicy::Undamped;
     let mut lambda = if undamped { 0.0 } else { 1e-6 };
     let mut growth = FIRST_GROWTH;
     let mut iterations = 0;
@@ -252,7 +252,7 @@ mod tests {
         assert!((out.state - DVector::from_element(2, 1.0)).norm() < 1e-8);
         assert_ne!(out.stop, StopReason::Stalled);
         // Full steps: two residuals of two unknowns are zero after two, over a hill.
-        let undamped = LmOptions { descent: Descent::Undamped, ..LmOptions::default() };
+        let undamped = LmOptions { descent: StepPolicy::Undamped, ..LmOptions::default() };
         let out = minimise(&Rosenbrock, start, &undamped).expect("defined");
         assert!((out.state - DVector::from_element(2, 1.0)).norm() < 1e-8 && out.iterations <= 4);
     }

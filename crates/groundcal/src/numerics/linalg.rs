@@ -6,38 +6,38 @@ use nalgebra::{Complex, DMatrix, DVector, Matrix3, SMatrix, SVector, SymmetricEi
 pub type ComplexPoint = Vector3<Complex<f64>>;
 
 /// The matrix of the cross product: `cross_matrix(a) * b == a.cross(&b)`.
-pub fn cross_matrix(a: &Vector3<f64>) -> Matrix3<f64> {
+pub(crate) fn cross_matrix(a: &Vector3<f64>) -> Matrix3<f64> {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }
 
 /// The cross product of complex vectors, without conjugation.
-pub fn complex_cross(a: &ComplexPoint, b: &ComplexPoint) -> ComplexPoint {
+pub(crate) fn complex_cross(a: &ComplexPoint, b: &ComplexPoint) -> ComplexPoint {
     Vector3::new(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 }
 
 /// The bilinear product aᵀb, without conjugation.
-pub fn bilinear(a: &ComplexPoint, b: &ComplexPoint) -> Complex<f64> {
+pub(crate) fn bilinear(a: &ComplexPoint, b: &ComplexPoint) -> Complex<f64> {
     a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 /// A real vector as a complex one.
-pub fn to_complex(v: &Vector3<f64>) -> ComplexPoint {
+pub(crate) fn to_complex(v: &Vector3<f64>) -> ComplexPoint {
     v.map(|x| Complex::new(x, 0.0))
 }
 
 /// The nine entries of a 3x3 matrix, row by row.
-pub fn rows_of(m: &Matrix3<f64>) -> SVector<f64, 9> {
+pub(crate) fn rows_of(m: &Matrix3<f64>) -> SVector<f64, 9> {
     SVector::<f64, 9>::from_fn(|i, _| m[(i / 3, i % 3)])
 }
 
 /// A 3x3 matrix from its nine entries, row by row.
-pub fn matrix_from_rows(v: &SVector<f64, 9>) -> Matrix3<f64> {
+pub(crate) fn matrix_from_rows(v: &SVector<f64, 9>) -> Matrix3<f64> {
     Matrix3::from_fn(|r, c| v[3 * r + c])
 }
 
 /// Eight orthonormal directions orthogonal to a unit 9-vector (the tangent space of the sphere there): the last eight
 /// columns of the Householder reflection that takes the first axis to `v`.
-pub fn sphere_tangent(v: &SVector<f64, 9>) -> SMatrix<f64, 9, 8> {
+pub(crate) fn sphere_tangent(v: &SVector<f64, 9>) -> SMatrix<f64, 9, 8> {
     let sign = if v[0] >= 0.0 { 1.0 } else { -1.0 };
     let mut w = *v;
     w[0] += sign;
@@ -64,7 +64,7 @@ pub fn symmetric_eigen(m: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)>
 
 /// Inverse of a symmetric positive definite matrix, after scaling its diagonal to one (parameters of unlike units);
 /// `None` when it is not positive definite to working precision.
-pub fn inverse_spd(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+pub(crate) fn inverse_spd(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let n = m.nrows();
     if !m.iter().all(|v| v.is_finite()) || (0..n).any(|i| m[(i, i)] <= 0.0) {
         return None;

@@ -1,8 +1,14 @@
 //! Shared tools: linear algebra, one Levenberg-Marquardt loop, one RANSAC loop, statistics, graphs, the skyline matrix.
 
-pub mod graph;
-pub mod levenberg_marquardt;
-pub mod linalg;
-pub mod ransac;
-pub mod skyline;
-pub mod statistics;
+pub(crate) mod graph;
+pub(crate) mod levenberg_marquardt;
+pub(crate) mod linalg;
+pub(crate) mod ransac;
+pub(crate) mod skyline;
+pub(crate) mod statistics;
+
+pub use graph::components;
+pub use levenberg_marquardt::{LmOptions, StepPolicy, StopReason};
+pub use linalg::{ComplexPairEigen, ComplexPoint, complex_pair_eigen, symmetric_eigen};
+pub use ransac::{RansacOptions, required_trials};
+pub use statistics::{NORMAL_95, median, spearman};

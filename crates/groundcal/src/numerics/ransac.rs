@@ -10,20 +10,16 @@ use std::sync::OnceLock;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::observer::{Observer, Silent};
+use crate::observer::Observer;
 
 /// What the loop asks of a model.
-pub trait RobustProblem {
+pub(crate) trait RobustProblem {
     /// The model.
     type Model: Clone;
     /// Data in a minimal sample.
     const SAMPLE_SIZE: usize;
     /// Number of data.
     fn len(&self) -> usize;
-    /// Whether there are none.
-    fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
     /// The model through a minimal sample; `None` when the sample is degenerate.
     fn minimal(&self, sample: &[usize]) -> Option<Self::Model>;
     /// Squared residual of one datum in units of the largest noise variance; two degrees of freedom.
@@ -32,7 +28,7 @@ pub trait RobustProblem {
     fn refit(&self, model: &Self::Model, weights: &[f64]) -> Option<Self::Model>;
 }
 
-/// Options of [`search`].
+/// Options of `search_until`.
 #[derive(Debug, Clone, Copy)]
 pub struct RansacOptions {
     /// Probability of having drawn an all-inlier sample when the loop ends.
@@ -55,10 +51,11 @@ impl Default for RansacOptions {
 
 /// The best model and how it was found.
 #[derive(Debug, Clone)]
-pub struct RansacOutput<M> {
+pub(crate) struct RansacOutput<M> {
     /// The best model.
     pub model: M,
     /// Sum of losses, 0 (perfect) to the number of data.
+    #[cfg_attr(not(test), allow(dead_code))]
     pub cost: f64,
     /// Data within the largest noise scale's 99 % bound.
     pub inliers: Vec<usize>,
@@ -68,7 +65,7 @@ pub struct RansacOutput<M> {
 
 /// The squared residual, in units of the largest noise variance, beyond which a datum is an outlier at every scale: the
 /// 99 % quantile of the chi-squared distribution with two degrees of freedom.
-pub const OUTLIER_SQUARED: f64 = 9.210_340_371_976_182;
+pub(crate) const OUTLIER_SQUARED: f64 = 9.210_340_371_976_182;
 
 /// Loss and weight of MAGSAC++ for residuals of two degrees of freedom, tabulated.
 ///
@@ -134,17 +131,12 @@ pub fn required_trials(inliers: usize, n: usize, size: usize, confidence: f64) -
 
 /// Data on which models are compared: a share of good data of one half is then known to a third of a per cent. Of more data a random
 /// part serves, so that the time of a search does not grow without bound.
-const MOST_SCORED: usize = 20_000;
+const MAX_SCORED: usize = 20_000;
 
 /// Trials between two questions whether to stop.
 const TRIALS_BETWEEN_STOPS: usize = 16;
 
-/// Search for the model with the least cost; `None` when there are too few data or every sample was degenerate.
-pub fn search<P: RobustProblem>(problem: &P, options: &RansacOptions) -> Option<RansacOutput<P::Model>> {
-    search_until(problem, options, &Silent)
-}
-
-/// The same under an observer's eyes; `None` also when it says stop.
+/// Search for the model with the least cost; `None` when there are too few data, every sample was degenerate, or the observer says stop.
 pub(crate) fn search_until<P: RobustProblem>(
     problem: &P,
     options: &RansacOptions,
@@ -157,12 +149,12 @@ pub(crate) fn search_until<P: RobustProblem>(
     }
     let magsac = Magsac::table();
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
-    // Scored in random order, so that a hopeless model shows early whatever the order of the data.
+    // Scored in random order, so that a wrong model shows early whatever the order of the data.
     let mut order: Vec<usize> = (0..n).collect();
     for i in (1..n).rev() {
         order.swap(i, rng.random_range(0..=i));
     }
-    let rest = order.split_off(n.min(MOST_SCORED));
+    let rest = order.split_off(n.min(MAX_SCORED));
     let score = |model: &P::Model, give_up: f64| -> Option<(f64, usize)> {
         let (mut cost, mut inliers) = (0.0, 0);
         for chunk in order.chunks(64) {
@@ -286,9 +278,9 @@ mod tests {
             })
             .collect();
         let line = Line(points, Default::default());
-        let first = search(&line, &RansacOptions::default()).expect("a line");
+        let first = search_until(&line, &RansacOptions::default(), &crate::observer::Silent).expect("a line");
         assert!((first.model.0 - 2.0).abs() < 0.01 && first.inliers.len() >= 40, "{first:?}");
-        let again = search(&line, &RansacOptions::default()).expect("a line");
+        let again = search_until(&line, &RansacOptions::default(), &crate::observer::Silent).expect("a line");
         assert_eq!(first.model, again.model);
     }
 
@@ -299,7 +291,7 @@ mod tests {
             let point =
                 |i: usize| if good && i.is_multiple_of(2) { (i as f64, 2.0 * i as f64 + 1.0) } else { scattered(i) };
             let line = Line((0..count).map(point).collect(), Default::default());
-            let found = search(&line, &RansacOptions::default()).expect("a line");
+            let found = search_until(&line, &RansacOptions::default(), &crate::observer::Silent).expect("a line");
             if good {
                 assert!((found.model.0 - 2.0).abs() < 1e-6 && found.inliers.len() >= count / 2, "{:?}", found.model);
                 // The cost is that of all: every outlier counts one.
@@ -308,9 +300,9 @@ mod tests {
             line.1.get()
         };
         for good in [true, false] {
-            let (few, many) = (asked(2 * MOST_SCORED, good), asked(20 * MOST_SCORED, good));
+            let (few, many) = (asked(2 * MAX_SCORED, good), asked(20 * MAX_SCORED, good));
             // Beyond the trials, a few looks at each datum.
-            assert!(many < few + 20 * MOST_SCORED * 8, "{few}, {many}");
+            assert!(many < few + 20 * MAX_SCORED * 8, "{few}, {many}");
         }
     }
 

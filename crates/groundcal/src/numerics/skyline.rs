@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 /// A symmetric matrix: lower triangle, each row from its first entry on.
 #[derive(Debug, Clone)]
-pub struct Skyline {
+pub(crate) struct Skyline {
     first: Vec<usize>,
     /// Where the row's values begin; one more at the end.
     start: Vec<usize>,
@@ -24,7 +24,7 @@ const SINGULAR: f64 = 1e-14;
 
 impl Skyline {
     /// All zero; `first[i] <= i` is the column of row i's first entry.
-    pub fn zeros(first: Vec<usize>) -> Self {
+    pub(crate) fn zeros(first: Vec<usize>) -> Self {
         let mut start = Vec::with_capacity(first.len() + 1);
         let mut total = 0;
         for (row, &column) in first.iter().enumerate() {
@@ -36,7 +36,7 @@ impl Skyline {
     }
 
     /// Rows.
-    pub fn size(&self) -> usize {
+    pub(crate) fn size(&self) -> usize {
         self.first.len()
     }
 
@@ -51,7 +51,7 @@ impl Skyline {
     }
 
     /// Adds to an entry (and its mirror image), which must lie within the skyline.
-    pub fn add(&mut self, i: usize, j: usize, value: f64) {
+    pub(crate) fn add(&mut self, i: usize, j: usize, value: f64) {
         let at = self.index(i, j);
         self.values[at] += value;
     }
@@ -70,7 +70,7 @@ impl Skyline {
     }
 
     /// A x.
-    pub fn product(&self, x: &DVector<f64>) -> DVector<f64> {
+    pub(crate) fn product(&self, x: &DVector<f64>) -> DVector<f64> {
         let mut y = DVector::zeros(x.len());
         for i in 0..self.size() {
             let (row, first) = (self.row(i), self.first[i]);
@@ -85,7 +85,7 @@ impl Skyline {
     }
 
     /// The factor of A + λ diag(A); `None` when that is not positive definite to working precision.
-    pub fn cholesky(&self, lambda: f64) -> Option<SkylineCholesky> {
+    pub(crate) fn cholesky(&self, lambda: f64) -> Option<SkylineCholesky> {
         let mut l = self.clone();
         for i in 0..self.size() {
             let (done, rest) = l.values.split_at_mut(self.start[i]);
@@ -114,7 +114,7 @@ impl Skyline {
 
 /// The lower factor L of A = L Lᵀ.
 #[derive(Debug, Clone)]
-pub struct SkylineCholesky(Skyline);
+pub(crate) struct SkylineCholesky(Skyline);
 
 impl SkylineCholesky {
     /// Logarithm of the determinant of A.
@@ -124,7 +124,7 @@ impl SkylineCholesky {
     }
 
     /// A⁻¹ b.
-    pub fn solve(&self, b: &DVector<f64>) -> DVector<f64> {
+    pub(crate) fn solve(&self, b: &DVector<f64>) -> DVector<f64> {
         let l = &self.0;
         let mut forward: Vec<[f64; 1]> = b.iter().map(|value| [*value]).collect();
         self.forward(&mut forward, 0);
@@ -156,7 +156,7 @@ impl SkylineCholesky {
 
     /// Rows and columns `indices` of A⁻¹: (A⁻¹)ᵢⱼ = (L⁻¹ eᵢ)·(L⁻¹ eⱼ). Thousands of them, the deviations of as many views, are most of the
     /// work of a refinement: several are solved for at once, and what is zero is left out of their products.
-    pub fn inverse_block(&self, indices: &[usize]) -> DMatrix<f64> {
+    pub(crate) fn inverse_block(&self, indices: &[usize]) -> DMatrix<f64> {
         let (n, count) = (self.0.size(), indices.len());
         let mut order: Vec<usize> = (0..count).collect();
         order.sort_by_key(|&k| indices[k]);

@@ -4,12 +4,12 @@
 pub const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// The chi-squared quantile of two degrees of freedom: the value exceeded with probability `p`.
-pub fn chi_squared_2_quantile(p: f64) -> f64 {
+pub(crate) fn chi_squared_2_quantile(p: f64) -> f64 {
     -2.0 * p.ln()
 }
 
 /// Mean of a chi-squared variable of two degrees of freedom, given that it is below `limit`.
-pub fn chi_squared_2_mean_below(limit: f64) -> f64 {
+pub(crate) fn chi_squared_2_mean_below(limit: f64) -> f64 {
     let tail = (-0.5 * limit).exp();
     2.0 - limit * tail / (1.0 - tail)
 }
@@ -17,7 +17,7 @@ pub fn chi_squared_2_mean_below(limit: f64) -> f64 {
 /// Probability that a chi-squared variable of `dof` degrees of freedom exceeds `value`.
 ///
 /// Finite sums for even and odd `dof` (Abramowitz & Stegun 26.4.4, 26.4.5).
-pub fn chi_squared_survival(value: f64, dof: usize) -> f64 {
+pub(crate) fn chi_squared_survival(value: f64, dof: usize) -> f64 {
     if value <= 0.0 || dof == 0 {
         return 1.0;
     }
@@ -74,7 +74,7 @@ pub fn spearman(x: &[f64], y: &[f64]) -> f64 {
 /// A standard deviation to be estimated from the data: a half-Cauchy prior of `scale` (Gelman 2006), on a logarithmic grid
 /// from `scale / below` to `scale * above`.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct VarianceComponent {
+pub(crate) struct VarianceComponent {
     /// Scale of the prior.
     pub scale: f64,
     /// Range below it.
@@ -86,7 +86,7 @@ pub struct VarianceComponent {
 impl VarianceComponent {
     /// The root of the posterior mean of the variance, given the logarithm of the (restricted) likelihood: with few data it
     /// stays wide.
-    pub fn posterior(&self, log_likelihood: impl Fn(f64) -> f64) -> f64 {
+    pub(crate) fn posterior(&self, log_likelihood: impl Fn(f64) -> f64) -> f64 {
         let scored: Vec<(f64, f64)> = self
             .grid()
             .map(|(sigma, prior)| (sigma, prior + log_likelihood(sigma)))

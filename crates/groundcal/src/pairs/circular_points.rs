@@ -13,10 +13,7 @@
 use nalgebra::{Complex, Matrix3, Matrix4, SMatrix, SVector, Vector3, Vector4};
 
 use crate::{
-    geometry::{
-        homography::{Homography, HomographyCovariance},
-        intrinsics::Intrinsics,
-    },
+    geometry::{homography::HomographyCovariance, intrinsics::Intrinsics},
     numerics::linalg::{ComplexPoint, bilinear, complex_cross, complex_pair_eigen, cross_matrix, rows_of, to_complex},
     pairs::refine::HomographyEstimate,
 };
@@ -80,9 +77,9 @@ impl CircularPoint {
         })
     }
 
-    /// The covariance with an axis that strays from the normal: each view's attitude has an independent error of
+    /// The covariance with an axis that varies from the normal: each view's attitude has an independent error of
     /// `attitude_sigma_rad` about both axes across the normal, so H becomes K exp(δ) K⁻¹ H, δ with twice the variance.
-    pub fn total_covariance(&self, k: &Intrinsics, attitude_sigma_rad: f64) -> Matrix4<f64> {
+    pub(crate) fn total_covariance(&self, k: &Intrinsics, attitude_sigma_rad: f64) -> Matrix4<f64> {
         let mut total = self.covariance;
         if let (Some(s), true) = (&self.sensitivity, attitude_sigma_rad > 0.0) {
             let (km, ki) = (k.matrix(), k.inverse_matrix());
@@ -103,7 +100,7 @@ impl CircularPoint {
     }
 
     /// The point with the sign of the imaginary parts turned: its conjugate, covariance along.
-    pub fn conjugate(&self) -> Self {
+    pub(crate) fn conjugate(&self) -> Self {
         let flip = Matrix4::from_diagonal(&Vector4::new(1.0, -1.0, 1.0, -1.0));
         Self {
             point: self.point.map(|z| z.conj()),
@@ -115,12 +112,12 @@ impl CircularPoint {
     }
 
     /// The horizon l (l·x = 0, unit length, sign free): the real line through the point and its conjugate.
-    pub fn horizon(&self) -> Option<Vector3<f64>> {
+    pub(crate) fn horizon(&self) -> Option<Vector3<f64>> {
         horizon_of(&self.point)
     }
 
     /// The tangent coordinates of another point close to this one, or of its conjugate, whichever is closer.
-    pub fn coordinates_of(&self, other: &ComplexPoint) -> Vector4<f64> {
+    pub(crate) fn coordinates_of(&self, other: &ComplexPoint) -> Vector4<f64> {
         let conjugate = other.map(|z| z.conj());
         let nearer =
             if self.point.dotc(other).norm() >= self.point.dotc(&conjugate).norm() { other } else { &conjugate };
@@ -157,14 +154,14 @@ pub struct MotionGeometry {
     /// Its standard deviation.
     pub rotation_sigma_rad: f64,
     /// ρ = 1 + n·t/d: 1 for a motion at constant height.
-    pub rho: f64,
+    pub height_ratio: f64,
     /// Its standard deviation.
-    pub rho_sigma: f64,
+    pub height_ratio_sigma: f64,
 }
 
 impl MotionGeometry {
     /// The smaller of the fractions of points (homogeneous frame coordinates, third coordinate as that of their rays) on either side of the horizon: 0 to 0.5.
-    pub fn minor_side(&self, points: impl Iterator<Item = Vector3<f64>>) -> f64 {
+    pub(crate) fn minor_side(&self, points: impl Iterator<Item = Vector3<f64>>) -> f64 {
         let Some(l) = self.circular_point.horizon() else { return 0.0 };
         let (mut all, mut positive) = (0usize, 0usize);
         for p in points {
@@ -204,16 +201,6 @@ pub fn from_homography(estimate: &HomographyEstimate) -> Result<MotionGeometry, 
     geometry(&estimate.in_frame, &estimate.covariance)
 }
 
-/// The circular points of a homography from elsewhere, without covariance: every motion then has the same weight, that of
-/// `sigma` in each of the nine entries of the unit-norm matrix in frame coordinates.
-pub fn from_bare_homography(
-    h: &Homography,
-    frame: &crate::geometry::frame::Frame,
-    sigma: f64,
-) -> Result<MotionGeometry, NoCircularPoint> {
-    geometry(&h.in_frame(frame), &HomographyCovariance::from_diagonal_element(sigma * sigma))
-}
-
 fn geometry(h: &Matrix3<f64>, covariance: &HomographyCovariance) -> Result<MotionGeometry, NoCircularPoint> {
     let Some(eigen) = complex_pair_eigen(h) else {
         let rotation_rad = if h.trace() < 0.0 { std::f64::consts::PI } else { 0.0 };
@@ -230,15 +217,15 @@ fn geometry(h: &Matrix3<f64>, covariance: &HomographyCovariance) -> Result<Motio
     // d log λ = lᵀ δH e / (λ lᵀe): imaginary part the angle, real part the modulus.
     let d_log_lambda = outer(&l, &e) / (bilinear(&l, &e) * lambda);
     let d_angle = d_log_lambda.map(|z| z.im);
-    let d_log_rho = outer(&real_left, &real_right).map(|z| z.re)
+    let d_log_height_ratio = outer(&real_left, &real_right).map(|z| z.re)
         / (eigen.real_left.dot(&eigen.real_right) * eigen.real_value)
         - d_log_lambda.map(|z| z.re);
     let variance = |row: &SVector<f64, 9>| (row.transpose() * covariance * row)[(0, 0)].max(0.0);
     let rotation_rad = lambda.im.atan2(lambda.re);
     let rotation_sigma_rad = variance(&d_angle).sqrt();
     let modulus = lambda.norm();
-    let rho = eigen.real_value / modulus;
-    let rho_sigma = (variance(&d_log_rho)).sqrt() * rho.abs();
+    let height_ratio = eigen.real_value / modulus;
+    let height_ratio_sigma = (variance(&d_log_height_ratio)).sqrt() * height_ratio.abs();
     // sin θ over its deviation tells a turn from noise at both ends, 0 and 180 degrees.
     let significance = rotation_rad.sin() / rotation_sigma_rad.max(f64::MIN_POSITIVE);
     if significance.is_nan() || significance < MIN_SIGNIFICANCE {
@@ -274,8 +261,8 @@ fn geometry(h: &Matrix3<f64>, covariance: &HomographyCovariance) -> Result<Motio
         },
         rotation_rad,
         rotation_sigma_rad,
-        rho,
-        rho_sigma,
+        height_ratio,
+        height_ratio_sigma,
     })
 }
 
@@ -301,7 +288,7 @@ mod tests {
             let (k, h, n) = example(theta, t);
             let g = geometry(&h, &HomographyCovariance::from_diagonal_element(1e-20)).expect("a rotation");
             assert!((g.rotation_rad - theta).abs() < 1e-12);
-            assert!((g.rho - (1.0 + t.z)).abs() < 1e-12);
+            assert!((g.height_ratio - (1.0 + t.z)).abs() < 1e-12);
             let v = k.inverse_matrix().map(|x| Complex::new(x, 0.0)) * g.circular_point.point;
             assert!(bilinear(&v, &v).norm() < 1e-12);
             let horizon = g.circular_point.horizon().expect("a line");

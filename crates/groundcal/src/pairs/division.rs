@@ -43,7 +43,7 @@ pub struct DivisionModel {
 }
 
 /// A point, its derivative by where it came from and by λ.
-struct Mapped {
+struct MappedPoint {
     point: Vector2<f64>,
     by_point: Matrix2<f64>,
     by_lambda: Vector2<f64>,
@@ -65,23 +65,23 @@ impl DivisionModel {
         (square > 0.0).then(|| u * (2.0 / (1.0 + square.sqrt())))
     }
 
-    fn undistort_with_derivatives(&self, x: &Vector2<f64>) -> Option<Mapped> {
+    fn undistort_with_derivatives(&self, x: &Vector2<f64>) -> Option<MappedPoint> {
         let r2 = x.norm_squared();
         let w = 1.0 + self.lambda * r2;
-        (w > MIN_DENOMINATOR).then(|| Mapped {
+        (w > MIN_DENOMINATOR).then(|| MappedPoint {
             point: x / w,
             by_point: Matrix2::identity() / w - x * x.transpose() * (2.0 * self.lambda / (w * w)),
             by_lambda: x * (-r2 / (w * w)),
         })
     }
 
-    fn distort_with_derivatives(&self, u: &Vector2<f64>) -> Option<Mapped> {
+    fn distort_with_derivatives(&self, u: &Vector2<f64>) -> Option<MappedPoint> {
         let r2 = u.norm_squared();
         let square = 1.0 - 4.0 * self.lambda * r2;
         (square > 0.0).then(|| {
             let s = square.sqrt();
             let slope = 4.0 / (s * (1.0 + s).powi(2));
-            Mapped {
+            MappedPoint {
                 point: u * (2.0 / (1.0 + s)),
                 by_point: Matrix2::identity() * (2.0 / (1.0 + s)) + u * u.transpose() * (2.0 * self.lambda * slope),
                 by_lambda: u * (r2 * slope),
@@ -100,13 +100,13 @@ pub struct DivisionHomography {
 }
 
 /// Real eigenvalues are those with less imaginary part than this, relative to their size.
-const REAL: f64 = 1e-6;
+const MAX_IMAGINARY_PART: f64 = 1e-6;
 /// Smallest over largest singular value of the equations of exact matches: rounding.
-const EXACT: f64 = 1e-13;
+const MAX_EXACT_SINGULAR_RATIO: f64 = 1e-13;
 /// Most that 1 + λ |x|² is in an image: a pincushion lens that halves distances at the corner. At λ = ∞ any points agree.
 const MAX_DENOMINATOR: f64 = 2.0;
 /// About which λ the eigenvalue problem is expanded: one that no lens has, since its matrix must be invertible.
-const EXPANSION: f64 = 0.617;
+const EXPANSION_LAMBDA: f64 = 0.617;
 
 /// λ and H in closed form from five or more matches (pixels); `None` when no real λ leaves every point in front.
 pub fn division_closed_form(matches: &[PointMatch], frame: &Frame) -> Option<DivisionHomography> {
@@ -146,13 +146,13 @@ pub fn division_closed_form(matches: &[PointMatch], frame: &Frame) -> Option<Div
         return None;
     }
     let singular = nalgebra::linalg::SVD::try_new(parts[0].clone(), false, false, f64::EPSILON, 1000)?.singular_values;
-    if singular.min() < EXACT * singular.max() {
+    if singular.min() < MAX_EXACT_SINGULAR_RATIO * singular.max() {
         return Some(with(0.0)?.1);
     }
     let left = parts[0].transpose();
     // D₁ᵀ D(λ) about λ₀: with μ = 1 / (λ - λ₀) the problem is μ² Q₀ + μ Q₁ + Q₂ = 0, Q₀ invertible.
-    let q0 = &left * at(EXPANSION);
-    let q1 = &left * (&parts[1] + &parts[2] * (2.0 * EXPANSION));
+    let q0 = &left * at(EXPANSION_LAMBDA);
+    let q1 = &left * (&parts[1] + &parts[2] * (2.0 * EXPANSION_LAMBDA));
     let q2 = &left * &parts[2];
     let lu = q0.lu();
     let (upper, lower) = (lu.solve(&q1)?, lu.solve(&q2)?);
@@ -168,10 +168,10 @@ pub fn division_closed_form(matches: &[PointMatch], frame: &Frame) -> Option<Div
     let in_range = |lambda: f64| (MIN_DENOMINATOR..MAX_DENOMINATOR).contains(&(1.0 + lambda * farthest));
     let mut best: Option<(f64, DivisionHomography)> = None;
     for mu in eigenvalues.iter() {
-        if mu.re.abs() < 1e-9 || mu.im.abs() > REAL * mu.re.abs() {
+        if mu.re.abs() < 1e-9 || mu.im.abs() > MAX_IMAGINARY_PART * mu.re.abs() {
             continue;
         }
-        let lambda = EXPANSION + 1.0 / mu.re;
+        let lambda = EXPANSION_LAMBDA + 1.0 / mu.re;
         if !in_range(lambda) {
             continue;
         }
@@ -237,11 +237,11 @@ struct State {
 }
 
 /// The unknowns: eight of each homography, then λ.
-struct Shared {
+struct SharedLambdaProblem {
     motions: Vec<Vec<PointMatch>>,
 }
 
-impl LeastSquares for Shared {
+impl LeastSquares for SharedLambdaProblem {
     type State = State;
     type Linearised = NormalEquations;
 
@@ -336,7 +336,7 @@ pub fn refine_division(
         Some(direct_linear_transformation(&ideal?)?.0)
     };
     let homographies: Vec<Matrix3<f64>> = local.iter().map(first).collect::<Option<_>>().ok_or_else(degenerate)?;
-    let problem = Shared { motions: local };
+    let problem = SharedLambdaProblem { motions: local };
     let out = minimise(&problem, State { homographies, model }, &options.lm).ok_or_else(degenerate)?;
     let inverse = inverse_spd(&out.linearised.information).ok_or_else(degenerate)?;
     let n = inverse.nrows();

@@ -12,7 +12,7 @@ use crate::{
 /// The homography through four matches, by the projective bases of both quadruples; `None` when three of the points
 /// are (nearly) on a line in either image, or when the quadruple is turned over, which no view of a plane from the
 /// same side can do.
-pub fn from_four_points(matches: [&PointMatch; 4]) -> Option<Matrix3<f64>> {
+pub(crate) fn from_four_points(matches: [&PointMatch; 4]) -> Option<Matrix3<f64>> {
     let area = |p: &Vector2<f64>, q: &Vector2<f64>, r: &Vector2<f64>| (q - p).perp(&(r - p));
     for [i, j, k] in [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]] {
         let (p, q, r) = (matches[i], matches[j], matches[k]);

@@ -30,15 +30,15 @@ pub(crate) const K2_SIGMA: f64 = 0.3;
 pub(crate) const K3_SIGMA: f64 = 0.3;
 /// Prior of p1 and p2: decentring of ordinary lenses is some 1e-4 to 1e-3.
 pub(crate) const P_SIGMA: f64 = 1e-3;
-/// Centre of distortion: deviation from the assumed principal point, as a fraction of the width, before it is known better.
+/// Centre of distortion: standard deviation about the assumed principal point, as a fraction of the width, before it is known better.
 const CENTRE_SIGMA: f64 = 0.05;
 /// Pairs and matches of a pair that tell of the lens before the motions are known.
 const MAX_PAIRS: usize = 24;
 const MIN_INLIERS: usize = 40;
 /// Squared distance of (k1, k2) from zero beyond which they are kept: 99.9 % of chi-squared with two degrees of freedom.
-const SIGNIFICANT: f64 = 13.8;
-/// Deviation of a k2 that is held at zero, but for rounding.
-const HELD_SIGMA: f64 = 1e-6;
+const CHI2_2_999: f64 = 13.8;
+/// Standard deviation of a k2 that is held at zero, but for rounding.
+const HELD_K2_SIGMA: f64 = 1e-6;
 /// Times that homographies and lens are found in turn before motions are chosen.
 const ROUNDS: usize = 2;
 
@@ -65,7 +65,7 @@ pub(crate) enum KnownLens {
     /// Coefficients given of a lens that sees behind the camera, and the camera matrix that the planes tell.
     Placed(LensPlacement),
     /// Estimated, or found to be none.
-    Estimated(LensFinding),
+    Estimated(LensFromPlanes),
     /// Each pair had its own ([`crate::pairs::pair_lens`]); this is the one in their middle.
     OfPairs(PlacedLens),
 }
@@ -91,27 +91,27 @@ impl KnownLens {
     }
 }
 
-impl From<Option<LensFinding>> for KnownLens {
-    fn from(finding: Option<LensFinding>) -> Self {
+impl From<Option<LensFromPlanes>> for KnownLens {
+    fn from(finding: Option<LensFromPlanes>) -> Self {
         finding.map_or(KnownLens::NotModelled, KnownLens::Estimated)
     }
 }
 
 /// The lens as far as planes tell it.
 #[derive(Debug, Clone)]
-pub(crate) struct LensFinding {
+pub(crate) struct LensFromPlanes {
     pub(crate) estimate: LensEstimate,
     /// Whether the coefficients differ from zero.
     pub(crate) significant: bool,
 }
 
-impl LensFinding {
+impl LensFromPlanes {
     fn new(estimate: LensEstimate) -> Self {
         let [k1, k2, ..] = coefficients(&estimate.lens);
         let k = Vector2::new(k1, k2);
         let block = estimate.covariance.fixed_view::<2, 2>(0, 0).into_owned();
         let distance = block.try_inverse().map_or(0.0, |i| (k.transpose() * i * k)[(0, 0)]);
-        Self { estimate, significant: distance > SIGNIFICANT }
+        Self { estimate, significant: distance > CHI2_2_999 }
     }
 
     /// The lens to be undone: none where its coefficients are not told from zero.
@@ -161,9 +161,9 @@ pub(crate) fn find_lens(
     options: &LensOptions,
     observe_options: &ObserveOptions,
     observer: &dyn Observer,
-) -> Result<(Vec<PairObservation>, Option<LensFinding>), Error> {
+) -> Result<(Vec<PairObservation>, Option<LensFromPlanes>), Error> {
     let mut pairs = observe(pairs, None, observe_options, observer)?;
-    let mut finding: Option<LensFinding> = None;
+    let mut finding: Option<LensFromPlanes> = None;
     for _ in 0..ROUNDS {
         let Some(next) = lens_of_planes(&pairs, finding.as_ref(), options, observer)? else { break };
         let significant = next.significant;
@@ -205,7 +205,7 @@ pub(crate) fn find_placement(
 /// Angles from the axis to the image's corner, degrees, at which a fisheye is looked for.
 const CORNER_ANGLES_DEG: [f64; 6] = [45.0, 60.0, 75.0, 90.0, 105.0, 125.0];
 /// Pairs that are asked which of them it is, those of most matches.
-const PAIRS_ASKED: usize = 8;
+const MAX_VOTING_PAIRS: usize = 8;
 
 /// What every pair shows through an equidistant lens (r = f θ) of a focal length that the planes tell: that through which most matches are
 /// on planes. Its coefficients are left to the refinement.
@@ -222,7 +222,7 @@ pub(crate) fn find_fisheye(
     let half_diagonal = 0.5 * (size.width as f64).hypot(size.height as f64);
     let mut order: Vec<usize> = (0..pairs.len()).collect();
     order.sort_by_key(|&i| (std::cmp::Reverse(pairs[i].matches.len()), i));
-    let asked: Vec<ImagePair> = order.iter().take(PAIRS_ASKED).map(|&i| pairs[i].clone()).collect();
+    let asked: Vec<ImagePair> = order.iter().take(MAX_VOTING_PAIRS).map(|&i| pairs[i].clone()).collect();
     let mut best: Option<(usize, PlacedLens)> = None;
     for angle in CORNER_ANGLES_DEG {
         let [cx, cy] = centre_px;
@@ -265,10 +265,10 @@ pub(crate) fn placement_of(
 /// From the best supported planes of any pairs.
 fn lens_of_planes(
     pairs: &[PairObservation],
-    before: Option<&LensFinding>,
+    before: Option<&LensFromPlanes>,
     options: &LensOptions,
     observer: &dyn Observer,
-) -> Result<Option<LensFinding>, Error> {
+) -> Result<Option<LensFromPlanes>, Error> {
     lens_of(pairs, &best_supported(pairs), options.assumed_centre(), before, options, observer)
 }
 
@@ -292,10 +292,10 @@ pub(crate) fn lens_of_motions(
     pairs: &[PairObservation],
     used: &[PairId],
     centre: DistortionCentre,
-    before: Option<&LensFinding>,
+    before: Option<&LensFromPlanes>,
     options: &LensOptions,
     observer: &dyn Observer,
-) -> Result<Option<LensFinding>, Error> {
+) -> Result<Option<LensFromPlanes>, Error> {
     lens_of(pairs, &some_of(used, pairs), centre, before, options, observer)
 }
 
@@ -318,10 +318,10 @@ fn lens_of(
     pairs: &[PairObservation],
     some: &[PairId],
     centre: DistortionCentre,
-    before: Option<&LensFinding>,
+    before: Option<&LensFromPlanes>,
     options: &LensOptions,
     observer: &dyn Observer,
-) -> Result<Option<LensFinding>, Error> {
+) -> Result<Option<LensFromPlanes>, Error> {
     let matches = matches_on_planes(pairs, some);
     let slices: Vec<&[PointMatch]> = matches.iter().map(Vec::as_slice).collect();
     if slices.is_empty() {
@@ -334,10 +334,10 @@ fn lens_of(
     };
     let prior = LensPrior {
         k1_sigma: K1_SIGMA,
-        k2_sigma: if options.with_k2 { K2_SIGMA } else { HELD_SIGMA },
+        k2_sigma: if options.with_k2 { K2_SIGMA } else { HELD_K2_SIGMA },
         centre_sigma: centre.sigma * options.size.width as f64 / start.intrinsics.fx,
     };
     let found = estimate_lens_until(&slices, &options.frame, &start, &prior, observer);
     observer.go_on()?;
-    Ok(found.map(LensFinding::new))
+    Ok(found.map(LensFromPlanes::new))
 }

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::{
     geometry::frame::Frame,
     numerics::{
-        levenberg_marquardt::{Descent, LeastSquares, LmOptions, NormalEquations, StopReason, minimise_until},
+        levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, StepPolicy, StopReason, minimise_until},
         linalg::{rows_of, sphere_tangent},
     },
     observer::Observer,
@@ -23,19 +23,19 @@ use crate::{
     },
 };
 
-/// Deviation of ln f and of the centre (focal lengths) about where the lens was measured: another copy of the camera, or focused
+/// Standard deviation of ln f and of the centre (focal lengths) about where the lens was measured: another copy of the camera, or focused
 /// otherwise. Planes tell both far better; where they do not, no homography was found through the lens.
 const LN_F_SIGMA: f64 = 0.1;
 const CENTRE_SIGMA: f64 = 0.1;
 /// Longest step of each number.
-const LONGEST_STEP: f64 = 0.1;
+const MAX_STEP: f64 = 0.1;
 /// Gauss-Newton rounds, and the step that ends them.
 const ROUNDS: usize = 12;
 const STEP_TOLERANCE: f64 = 1e-8;
 /// Step of the differences.
 const STEP: f64 = 1e-5;
 /// Matches of a pair that take part: more do not help where systematic errors rule.
-const ENOUGH: usize = 3000;
+const MAX_MATCHES: usize = 3000;
 
 /// A known lens with the camera matrix through which planes show it.
 #[derive(Debug, Clone, Copy)]
@@ -65,9 +65,9 @@ pub(crate) fn place_lens(
     measured: &PlacedLens,
     observer: &dyn Observer,
 ) -> Option<LensPlacement> {
-    let problem = Placing { planes, frame, measured, observer };
+    let problem = PlacementProblem { planes, frame, measured, observer };
     let options = LmOptions {
-        descent: Descent::Undamped,
+        descent: StepPolicy::Undamped,
         max_iterations: ROUNDS,
         relative_cost_tolerance: 0.0,
         step_tolerance: STEP_TOLERANCE,
@@ -81,14 +81,14 @@ pub(crate) fn place_lens(
 }
 
 /// The estimating equations: the noise of each plane, and with it their weights, is that of its residuals at the lens.
-struct Placing<'a> {
+struct PlacementProblem<'a> {
     planes: &'a [&'a [PointMatch]],
     frame: &'a Frame,
     measured: &'a PlacedLens,
     observer: &'a dyn Observer,
 }
 
-impl LeastSquares for Placing<'_> {
+impl LeastSquares for PlacementProblem<'_> {
     type State = PlacedLens;
     type Linearised = NormalEquations;
 
@@ -120,7 +120,7 @@ impl LeastSquares for Placing<'_> {
     }
 
     fn retract(&self, lens: &PlacedLens, step: &DVector<f64>) -> PlacedLens {
-        moved(lens, &Vector3::from_fn(|i, _| step[i].clamp(-LONGEST_STEP, LONGEST_STEP)))
+        moved(lens, &Vector3::from_fn(|i, _| step[i].clamp(-MAX_STEP, MAX_STEP)))
     }
 }
 
@@ -131,7 +131,7 @@ fn reduced_equations(
     lens: &PlacedLens,
     observer: &dyn Observer,
 ) -> Option<(Vector3<f64>, Matrix3<f64>)> {
-    let stride = matches.len().div_ceil(ENOUGH).max(1);
+    let stride = matches.len().div_ceil(MAX_MATCHES).max(1);
     let seen = |m: &PointMatch| {
         let rays = RayMatch::new(m, lens, frame);
         rays.is_seen().then_some((*m, rays))
@@ -174,11 +174,11 @@ fn reduced_equations(
         gradient_h += by_h.transpose() * weight * l.innovation;
     }
     let inverse = hh.try_inverse()?;
-    let noise = (estimate.sigma_px.max(LEAST_NOISE_PX) / frame.scale_px).powi(2);
+    let noise = (estimate.sigma_px.max(MIN_NOISE_PX) / frame.scale_px).powi(2);
     let reduced = tt - ht.transpose() * inverse * ht;
     let gradient = gradient_t - ht.transpose() * inverse * gradient_h;
     Some((gradient / noise, reduced / noise))
 }
 
 /// Noise no camera is below, pixels: exact data keep finite weights.
-const LEAST_NOISE_PX: f64 = 1e-4;
+const MIN_NOISE_PX: f64 = 1e-4;

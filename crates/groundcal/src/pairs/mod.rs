@@ -1,18 +1,27 @@
 //! What one pair of images says: matches, homography, circular point, lens from planes.
 
-pub mod circular_points;
-pub mod correspondence;
-pub mod division;
-pub mod dlt;
+pub(crate) mod circular_points;
+pub(crate) mod correspondence;
+pub(crate) mod division;
+pub(crate) mod dlt;
 pub(crate) mod known_lens;
 pub(crate) mod lens_placement;
 pub(crate) mod observation;
 pub(crate) mod observe;
-pub mod pair_lens;
+pub(crate) mod pair_lens;
 pub(crate) mod patch;
-pub mod placed_lens;
-pub mod plane_lens;
+pub(crate) mod placed_lens;
+pub(crate) mod plane_lens;
 pub(crate) mod ray_match;
-pub mod refine;
+pub(crate) mod refine;
 pub(crate) mod residual;
-pub mod robust;
+pub(crate) mod robust;
+
+pub use circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, Sensitivity, from_homography};
+pub use correspondence::{ImagePair, PointMatch, validated};
+pub use division::{DivisionEstimate, DivisionHomography, DivisionModel, division_closed_form, refine_division};
+pub use dlt::direct_linear_transformation;
+pub use pair_lens::RadialCorrection;
+pub use placed_lens::PlacedLens;
+pub use refine::{HomographyEstimate, RefineOptions, refine};
+pub use robust::{RobustHomography, RobustOptions, estimate_robust};

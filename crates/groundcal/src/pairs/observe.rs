@@ -42,12 +42,12 @@ pub(crate) struct ObserveOptions {
 /// Largest noise of a patch match in units of its predicted deviation.
 const MAX_PATCH_NOISE: f64 = 6.0;
 /// Fraction of the largest noise thought possible from which on more is allowed for given matches, and where that ends.
-const NEAR_LIMIT: f64 = 0.6;
-pub(crate) const COARSEST_PX: f64 = 16.0;
+const NOISE_LIMIT_FRACTION: f64 = 0.6;
+pub(crate) const MAX_NOISE_PX: f64 = 16.0;
 /// Where no model takes any point to.
-pub(crate) const OUT_OF_REACH_PX: f64 = 1e7;
+pub(crate) const OUTSIDE_MODEL_PX: f64 = 1e7;
 /// Width over length below which points count as lying on a line.
-const ON_A_LINE: f64 = 0.01;
+const MAX_LINE_ASPECT: f64 = 0.01;
 
 type Outcome = Result<TurningPlane, Refusal>;
 
@@ -204,12 +204,12 @@ pub(crate) fn outcome_of_matches(
     let mut outcome = outcome_with(pair, lens, robust, options, observer)?;
     // Matches from elsewhere may be coarser than those of features: where the noise comes near what was thought possible, it
     // is cut off by that, and more is allowed.
-    while options.from_elsewhere && robust.max_sigma_px < COARSEST_PX {
+    while options.from_elsewhere && robust.max_sigma_px < MAX_NOISE_PX {
         let plane = match &outcome {
             Ok(turning) => Some(&turning.plane),
             Err(refusal) => refusal.plane.as_deref(),
         };
-        if plane.map_or(0.0, |plane| plane.estimate.sigma_px) < NEAR_LIMIT * robust.max_sigma_px {
+        if plane.map_or(0.0, |plane| plane.estimate.sigma_px) < NOISE_LIMIT_FRACTION * robust.max_sigma_px {
             break;
         }
         robust.max_sigma_px *= 2.0;
@@ -256,7 +256,7 @@ fn outcome_with(
         Some(lens) => pair
             .matches
             .iter()
-            .map(|m| lens.ideal_match(m).unwrap_or(PointMatch { b: Vector2::repeat(OUT_OF_REACH_PX), ..*m }))
+            .map(|m| lens.ideal_match(m).unwrap_or(PointMatch { b: Vector2::repeat(OUTSIDE_MODEL_PX), ..*m }))
             .collect(),
     };
     let mut outcome = plane_among(&to_frame(&ideal, &options.frame), &robust, options, observer)?;
@@ -291,7 +291,7 @@ fn plane_among<M: PlaneMatch>(
 /// Matches among which no plane was found.
 fn no_plane<M: PlaneMatch>(ideal: &[M], error: Error) -> Refusal {
     let candidates = ideal.len();
-    if M::spread(ideal) < ON_A_LINE {
+    if M::spread(ideal) < MAX_LINE_ASPECT {
         let reason = format!("the {candidates} matches lie on a line");
         return Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) };
     }
@@ -301,7 +301,7 @@ fn no_plane<M: PlaneMatch>(ideal: &[M], error: Error) -> Refusal {
 /// What is wrong with a plane found, whose matches spread by this ratio of width to length.
 fn refused<M: PlaneMatch>(found: &RobustHomography, ideal: &[M], spread: f64, min_matches: usize) -> Option<Refusal> {
     let (agreeing, candidates) = (found.inliers.len(), ideal.len());
-    if spread < ON_A_LINE {
+    if spread < MAX_LINE_ASPECT {
         let reason = format!("the {agreeing} matches that agree lie on a line");
         let error = Error::DegeneratePoints { count: agreeing, spread_ratio: M::spread(ideal) };
         return Some(Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) });
@@ -327,9 +327,9 @@ fn shift_by_k1(
     observer: &dyn Observer,
 ) -> Option<Vector4<f64>> {
     const STEP: f64 = 0.02;
-    const ENOUGH: usize = 300;
+    const MIN_SCALE_MATCHES: usize = 300;
     let lens = PlacedLens { lens: Lens::radial(STEP, 0.0), intrinsics: options.middling_camera };
-    let stride = on_plane.len().div_ceil(ENOUGH);
+    let stride = on_plane.len().div_ceil(MIN_SCALE_MATCHES);
     let some: Vec<PointMatch> = on_plane.iter().step_by(stride).copied().collect();
     let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal_match(m)).collect();
     let coordinates = |matches: &[PointMatch]| {

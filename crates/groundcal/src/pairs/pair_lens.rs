@@ -19,7 +19,7 @@ use crate::{
         division::{DivisionModel, division_closed_form, refine_division},
         dlt::direct_linear_transformation,
         observation::{PairObservation, Refusal, RefusalKind, TurningPlane, turning_plane},
-        observe::{OUT_OF_REACH_PX, ObserveOptions, outcome_of_matches},
+        observe::{OUTSIDE_MODEL_PX, ObserveOptions, outcome_of_matches},
         placed_lens::PlacedLens,
         refine::{HomographyEstimate, RefineOptions, to_frame},
     },
@@ -93,7 +93,7 @@ fn corrected(
         let lens = placed(model.lambda, frame);
         // A match that has no ideal point is moved out of every model's reach.
         let ideal =
-            |m: &PointMatch| lens.ideal_match(m).unwrap_or(PointMatch { b: Vector2::repeat(OUT_OF_REACH_PX), ..*m });
+            |m: &PointMatch| lens.ideal_match(m).unwrap_or(PointMatch { b: Vector2::repeat(OUTSIDE_MODEL_PX), ..*m });
         let matches = pair.matches.iter().map(ideal).collect();
         let straight = ImagePair { from: pair.from.index(), to: pair.to.index(), matches };
         pair.outcome = outcome_of_matches(&straight, None, &options.observe, observer)?;

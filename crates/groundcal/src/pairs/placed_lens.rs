@@ -24,13 +24,13 @@ pub struct PlacedLens {
 
 impl PlacedLens {
     /// The pixel an ideal lens would have given; `None` also for what it would not have seen.
-    pub fn ideal_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn ideal_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let ideal = self.lens.undistort(&self.intrinsics.normalised_from_pixel(p))?;
         Some(self.intrinsics.pixel_from_normalised(&ideal))
     }
 
     /// The pixel this lens gives for one of an ideal lens.
-    pub fn real_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn real_point(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let distorted = self.lens.distort(&self.intrinsics.normalised_from_pixel(p))?;
         Some(self.intrinsics.pixel_from_normalised(&distorted)).filter(|q| q.x.is_finite() && q.y.is_finite())
     }
@@ -47,7 +47,7 @@ impl PlacedLens {
     }
 
     /// The ray of a pixel in homogeneous ideal pixels: K times the ray of unit length.
-    pub fn ray_px(&self, p: &Vector2<f64>) -> Option<Vector3<f64>> {
+    pub(crate) fn ray_px(&self, p: &Vector2<f64>) -> Option<Vector3<f64>> {
         self.lens.unproject(&self.intrinsics.normalised_from_pixel(p)).map(|ray| self.intrinsics.matrix() * ray)
     }
 
@@ -62,7 +62,7 @@ impl PlacedLens {
 
     /// The same lens through another focal length; `None` for a model that has no such family
     /// ([`Lens::for_focal_length_times`]).
-    pub fn with_focal_length(&self, f_px: f64) -> Option<Self> {
+    pub(crate) fn with_focal_length(&self, f_px: f64) -> Option<Self> {
         let ratio = f_px / self.intrinsics.fx;
         let intrinsics = Intrinsics { fx: f_px, fy: self.intrinsics.fy * ratio, ..self.intrinsics };
         Some(Self { lens: self.lens.for_focal_length_times(ratio)?, intrinsics })

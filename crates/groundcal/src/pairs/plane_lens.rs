@@ -19,10 +19,10 @@ use crate::{
         lens::{Lens, Radtan},
     },
     numerics::{
-        levenberg_marquardt::{Descent, LeastSquares, LmOptions, NormalEquations, StopReason, minimise_until},
+        levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, StepPolicy, StopReason, minimise_until},
         linalg::{rows_of, sphere_tangent},
     },
-    observer::{Observer, Silent},
+    observer::Observer,
     pairs::{
         correspondence::PointMatch,
         placed_lens::PlacedLens,
@@ -50,7 +50,7 @@ pub(crate) fn coefficients(lens: &PlacedLens) -> [f64; 5] {
 
 /// Priors of the lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LensPrior {
+pub(crate) struct LensPrior {
     /// Standard deviation of k1 about 0.
     pub k1_sigma: f64,
     /// Standard deviation of k2 about 0.
@@ -67,7 +67,7 @@ impl LensPrior {
 
 /// The estimated lens.
 #[derive(Debug, Clone)]
-pub struct LensEstimate {
+pub(crate) struct LensEstimate {
     /// k1 and k2 through the reference focal length, and the centre.
     pub lens: PlacedLens,
     /// Covariance of (k1, k2, x0, y0), the centre in focal lengths.
@@ -78,20 +78,21 @@ pub struct LensEstimate {
 const ROUNDS: usize = 8;
 const STEP_TOLERANCE: f64 = 1e-7;
 /// Longest step of each number, and the coefficients beyond which there is no lens.
-const LONGEST_STEP: [f64; 4] = [0.3, 0.5, 0.05, 0.05];
-const MOST_COEFFICIENTS: [f64; 2] = [3.0, 5.0];
+const MAX_STEP: [f64; 4] = [0.3, 0.5, 0.05, 0.05];
+const MAX_COEFFICIENTS: [f64; 2] = [3.0, 5.0];
 /// Matches of a motion that take part: more do not help where systematic errors rule.
-const ENOUGH: usize = 3000;
+const MAX_MATCHES: usize = 3000;
 
 /// Estimates the lens from the inliers of motions (pixels, distorted), starting at `start`, about whose centre the prior of the
 /// centre of distortion lies. `None` when nothing is determined or the lens folds over.
-pub fn estimate_lens(
+#[cfg(test)]
+pub(crate) fn estimate_lens(
     motions: &[&[PointMatch]],
     frame: &Frame,
     start: &PlacedLens,
     prior: &LensPrior,
 ) -> Option<LensEstimate> {
-    estimate_lens_until(motions, frame, start, prior, &Silent)
+    estimate_lens_until(motions, frame, start, prior, &crate::observer::Silent)
 }
 
 /// The same under an observer's eyes; `None` also when it says stop.
@@ -104,7 +105,7 @@ pub(crate) fn estimate_lens_until(
 ) -> Option<LensEstimate> {
     let problem = LensProblem { motions, frame, start, prior_information: prior.information(), observer };
     let options = LmOptions {
-        descent: Descent::Undamped,
+        descent: StepPolicy::Undamped,
         max_iterations: ROUNDS,
         relative_cost_tolerance: 0.0,
         step_tolerance: STEP_TOLERANCE,
@@ -131,7 +132,7 @@ impl LeastSquares for LensProblem<'_> {
     type Linearised = NormalEquations;
 
     fn cost(&self, lens: &PlacedLens) -> Option<f64> {
-        let ([k1, k2, ..], [most_k1, most_k2]) = (coefficients(lens), MOST_COEFFICIENTS);
+        let ([k1, k2, ..], [most_k1, most_k2]) = (coefficients(lens), MAX_COEFFICIENTS);
         (k1.abs() < most_k1 && k2.abs() < most_k2).then_some(0.0)
     }
 
@@ -159,7 +160,7 @@ impl LeastSquares for LensProblem<'_> {
     }
 
     fn retract(&self, lens: &PlacedLens, step: &DVector<f64>) -> PlacedLens {
-        moved(lens, &Vector4::from_fn(|i, _| step[i].clamp(-LONGEST_STEP[i], LONGEST_STEP[i])))
+        moved(lens, &Vector4::from_fn(|i, _| step[i].clamp(-MAX_STEP[i], MAX_STEP[i])))
     }
 }
 
@@ -170,7 +171,7 @@ fn reduced_equations(
     lens: &PlacedLens,
     observer: &dyn Observer,
 ) -> Option<(Vector4<f64>, Matrix4<f64>)> {
-    let stride = matches.len().div_ceil(ENOUGH).max(1);
+    let stride = matches.len().div_ceil(MAX_MATCHES).max(1);
     // A point beyond the fold of a lens on the way has no ideal place; it is back when the lens is better.
     let ideal: Vec<PointMatch> = matches.iter().step_by(stride).filter_map(|m| lens.ideal_match(m)).collect();
     let estimate = refine_until(&ideal, None, frame, &RefineOptions::default(), observer).ok()?;

@@ -24,8 +24,6 @@ use crate::{
     pairs::{correspondence::PointMatch, residual::PlaneMatch},
 };
 
-pub use crate::pairs::residual::{sampson_squared, spread_ratio};
-
 /// A homography with its covariance.
 #[derive(Debug, Clone)]
 pub struct HomographyEstimate {
@@ -169,7 +167,7 @@ impl Default for RefineOptions {
 }
 
 /// The matches in frame coordinates.
-pub fn to_frame(matches: &[PointMatch], frame: &Frame) -> Vec<PointMatch> {
+pub(crate) fn to_frame(matches: &[PointMatch], frame: &Frame) -> Vec<PointMatch> {
     matches.iter().map(|m| PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m }).collect()
 }
 

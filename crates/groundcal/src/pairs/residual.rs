@@ -20,7 +20,7 @@ use crate::{
 
 /// A match that a homography between homogeneous frame coordinates explains, or not.
 pub(crate) trait PlaneMatch: Clone + Sync {
-    /// Deviation of each coordinate relative to that of the other matches.
+    /// Standard deviation of each coordinate relative to that of the other matches.
     fn sigma_px(&self) -> f64;
 
     /// How far the point moved in the image.
@@ -155,7 +155,7 @@ pub(crate) fn linearise(h: &Matrix3<f64>, m: &PointMatch) -> Option<Linearised> 
 /// Squared Sampson distance (both images), the first-order value of the gold standard's error; frame units of the
 /// arguments. Infinite for a point that goes beyond infinity.
 #[inline]
-pub fn sampson_squared(h: &Matrix3<f64>, m: &PointMatch) -> f64 {
+pub(crate) fn sampson_squared(h: &Matrix3<f64>, m: &PointMatch) -> f64 {
     let q = h * Vector3::new(m.a.x, m.a.y, 1.0);
     if q.z <= 1e-9 {
         return f64::INFINITY;
@@ -172,7 +172,7 @@ pub fn sampson_squared(h: &Matrix3<f64>, m: &PointMatch) -> f64 {
 }
 
 /// Ratio of the least to the largest standard deviation of the points over direction, the worse image of the two.
-pub fn spread_ratio(matches: &[PointMatch]) -> f64 {
+pub(crate) fn spread_ratio(matches: &[PointMatch]) -> f64 {
     let ratio = |points: &dyn Fn(&PointMatch) -> Vector2<f64>| {
         let n = matches.len() as f64;
         let mean = matches.iter().map(points).fold(Vector2::zeros(), |s, p| s + p) / n;

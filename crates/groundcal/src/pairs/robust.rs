@@ -98,7 +98,7 @@ impl<M: PlaneMatch> RobustProblem for Problem<'_, M> {
 }
 
 /// Fraction of good matches kept by the final cut. At 99 % the hard cut would cost 3 % of accuracy, here it costs 1 %.
-const KEPT: f64 = 0.9973;
+const INLIER_QUANTILE: f64 = 0.9973;
 
 /// A homography from point matches (pixels), some of which may be wrong. Deterministic by the seed.
 ///
@@ -168,7 +168,7 @@ fn estimate_among<M: PlaneMatch>(
     observer.go_on()?;
     let found = found.ok_or_else(degenerate)?;
 
-    // The scale of the noise from the inliers (median of chi-squared, two degrees of freedom: 2 ln 2), then cut and refine, until the set of inliers rests.
+    // The scale of the noise from the inliers (median of chi-squared, two degrees of freedom: 2 ln 2), then cut and refine, until the set of inliers no longer changes.
     let mut h = found.model;
     let mut inliers = found.inliers;
     let squared = |h: &Matrix3<f64>, i: usize| problem.squared_residual(h, i);
@@ -177,7 +177,7 @@ fn estimate_among<M: PlaneMatch>(
     for _ in 0..8 {
         // At least a thousandth of a pixel, so that exact data keep all their points.
         let floor = (1e-3 / largest_sigma_px).powi(2);
-        let limit = (chi_squared_2_quantile(1.0 - KEPT) * noise.max(floor)).min(OUTLIER_SQUARED);
+        let limit = (chi_squared_2_quantile(1.0 - INLIER_QUANTILE) * noise.max(floor)).min(OUTLIER_SQUARED);
         let next: Vec<usize> = (0..local.len()).filter(|&i| squared(&h, i) < limit).collect();
         if next.len() < 4 {
             return Err(degenerate());
@@ -188,7 +188,7 @@ fn estimate_among<M: PlaneMatch>(
         inliers = next;
         let kept: Vec<M> = inliers.iter().map(|&i| local[i].clone()).collect();
         // With no datum left out there was no cut to allow for.
-        let kept_fraction = if inliers.len() == local.len() { 1.0 } else { KEPT };
+        let kept_fraction = if inliers.len() == local.len() { 1.0 } else { INLIER_QUANTILE };
         let options = RefineOptions { kept_fraction, ..RefineOptions::default() };
         let refined = refine_in_frame(&kept, Some(&h), frame, &options, observer)?;
         h = refined.in_frame;

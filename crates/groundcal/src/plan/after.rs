@@ -10,15 +10,15 @@ use crate::{
 };
 
 /// Least noise a plan knows, pixels: exact matches are somebody's simulation.
-const LEAST_NOISE_PX: f64 = 1e-3;
+const MIN_NOISE_PX: f64 = 1e-3;
 /// Part of the floor that two pictures must share for their matches to tell anything: of a sliver nothing follows.
-const LEAST_SHARED: f64 = 0.05;
+const MIN_SHARED: f64 = 0.05;
 
 /// The covariance to start from.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] where the calibration has none of the camera matrix, k1 and k2. Files of before have no other numbers.
-pub fn start(c: &Calibration) -> Result<Start, Error> {
+pub fn start_after(c: &Calibration) -> Result<Start, Error> {
     let fail = |what: String| Error::InvalidInput(format!("{what}. Calibrate again with this version of the program"));
     if !c.covariance.is_known() {
         return Err(fail("there is no covariance to start from".into()));
@@ -32,7 +32,7 @@ pub fn start(c: &Calibration) -> Result<Start, Error> {
 }
 
 /// What was assumed, to be assumed again.
-pub fn options(c: &Calibration) -> Options {
+pub(crate) fn options(c: &Calibration) -> Options {
     let priors = c.priors.iter();
     Options {
         constraint: c.constraint,
@@ -46,15 +46,15 @@ pub fn options(c: &Calibration) -> Options {
 
 /// Noise of a coordinate: the residuals of the motions used, two coordinates of four being left over by the point, and what the
 /// refinement found them to be too small by.
-pub fn noise_px(c: &Calibration) -> Option<f64> {
+pub(crate) fn noise_px(c: &Calibration) -> Option<f64> {
     let mut rms: Vec<f64> = c.motions.iter().filter(|m| m.used).filter_map(|m| m.rms_px).collect();
     let factor = c.fit.refinement.as_ref().and_then(|r| r.patches.as_ref().or(r.points.as_ref()));
     let factor = factor.map_or(1.0, |f| (f.variance_factor * f.design_effect).sqrt());
-    (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(LEAST_NOISE_PX))
+    (!rms.is_empty()).then(|| (factor * median(&mut rms) / 2f64.sqrt()).max(MIN_NOISE_PX))
 }
 
 /// Matches that the motions used would have had if both pictures had shown the same floor from border to border.
-pub fn points(c: &Calibration, planner: &Planner) -> Option<f64> {
+pub(crate) fn points(c: &Calibration, planner: &Planner) -> Option<f64> {
     let of = |m: &MotionReport| {
         let attitude = c.attitudes.get(m.attitude?)?;
         let spec = planner.motion(
@@ -63,7 +63,7 @@ pub fn points(c: &Calibration, planner: &Planner) -> Option<f64> {
             m.rotation_deg?.to_radians(),
         );
         let fraction = planner.shared_fraction(&spec);
-        (fraction > LEAST_SHARED && m.matches > 0).then_some(m.matches as f64 / fraction)
+        (fraction > MIN_SHARED && m.matches > 0).then_some(m.matches as f64 / fraction)
     };
     let mut all: Vec<f64> = c.motions.iter().filter(|m| m.used).filter_map(of).collect();
     (!all.is_empty()).then(|| median(&mut all).clamp(MIN_MATCHES, 1e6))

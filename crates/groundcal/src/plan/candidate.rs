@@ -2,14 +2,14 @@
 
 use nalgebra::SMatrix;
 
-use crate::{numerics::linalg::inverse_spd, refine::blocks::MOST_CAMERA_NUMBERS, synthetic::points::MotionSpec};
+use crate::{numerics::linalg::inverse_spd, refine::blocks::MAX_CAMERA_NUMBERS, synthetic::points::MotionSpec};
 
 /// A symmetric matrix over the numbers of the camera's block in the joint refinement (ln fx, ln fy/fx, cx, cy, skew in frame units, then
 /// those of its lens); rows beyond its lens are zero.
-pub type CameraMatrix = SMatrix<f64, MOST_CAMERA_NUMBERS, MOST_CAMERA_NUMBERS>;
+pub(crate) type CameraMatrix = SMatrix<f64, MAX_CAMERA_NUMBERS, MAX_CAMERA_NUMBERS>;
 
 /// Which of these numbers the estimator frees.
-pub(super) type Free = [bool; MOST_CAMERA_NUMBERS];
+pub(super) type Free = [bool; MAX_CAMERA_NUMBERS];
 
 /// A motion of the grid with what it says.
 pub(super) struct Candidate {

@@ -21,9 +21,9 @@ pub enum Carrier {
 /// Turns that are tried, degrees, as far as the carrier turns.
 const TURNS_DEG: [f64; 8] = [5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0];
 /// Largest of them unless said otherwise.
-pub const MAX_TURN_DEG: f64 = 60.0;
+pub(crate) const MAX_TURN_DEG: f64 = 60.0;
 /// Distance to which the floor can be matched, heights: it is seen under 6 degrees there.
-const REACH_HEIGHTS: f64 = 10.0;
+const MAX_DISTANCE_HEIGHTS: f64 = 10.0;
 
 /// How a camera can move, in metres and degrees. Every tilt may be combined with every roll and every turn.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -49,7 +49,7 @@ pub struct CarrierMotion {
 
 impl Carrier {
     /// Its name in sentences.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Carrier::Tripod => "tripod",
             Carrier::PanHead => "pan head",
@@ -59,7 +59,7 @@ impl Carrier {
     }
 
     /// Its usual height over the floor, metres.
-    pub fn height_m(self) -> f64 {
+    pub(crate) fn height_m(self) -> f64 {
         match self {
             Carrier::Tripod => 1.5,
             Carrier::PanHead => 2.5,
@@ -68,8 +68,8 @@ impl Carrier {
         }
     }
 
-    /// How far its height strays between views, relative standard deviation.
-    pub fn height_sigma(self) -> f64 {
+    /// How far its height varies between views, relative standard deviation.
+    pub(crate) fn height_sigma(self) -> f64 {
         match self {
             Carrier::Drone => 0.02,
             _ => HEIGHT_SIGMA,
@@ -96,13 +96,13 @@ impl Carrier {
             turns_deg: turns_up_to_deg(MAX_TURN_DEG),
             height_m,
             axis_offset_m,
-            reach_m: REACH_HEIGHTS * height_m,
+            reach_m: MAX_DISTANCE_HEIGHTS * height_m,
         }
     }
 }
 
 /// The turns that are tried where a carrier turns so far at most: itself where it is less than the smallest.
-pub fn turns_up_to_deg(max_turn_deg: f64) -> Vec<f64> {
+pub(crate) fn turns_up_to_deg(max_turn_deg: f64) -> Vec<f64> {
     let mut turns: Vec<f64> = TURNS_DEG.into_iter().filter(|t| *t <= max_turn_deg).collect();
     if turns.is_empty() {
         turns.push(max_turn_deg);

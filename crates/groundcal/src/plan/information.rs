@@ -20,7 +20,7 @@ use crate::{
     plan::candidate::{CameraMatrix, Free},
     refine::{
         blocks::{BundleOptions, CameraState, Departure, FrameState, GroupState, MATRIX, State},
-        layout::Ingredients,
+        layout::ProblemInputs,
         problem::Problem,
         residual::{Pose, Projector, SceneModel},
         tracks::{Kind, Observation, Track},
@@ -40,7 +40,7 @@ pub(super) struct Setting {
     pub(super) camera: CameraState,
     /// Which of its numbers the estimator frees.
     pub(super) free: Free,
-    /// How far it lets attitudes and heights stray.
+    /// How far it lets attitudes and heights vary.
     pub(super) options: BundleOptions,
     pub(super) height_sigma: f64,
     pub(super) noise_px: f64,
@@ -148,11 +148,11 @@ impl Setting {
         let mut unknowns = self.options.cameras[0].clone();
         (unknowns.matrix_priors, unknowns.lens_priors) = ([None; MATRIX], Vec::new());
         (0..self.free.len()).for_each(|i| unknowns.set_free(i, self.free[i]));
-        let mut problem = Problem::new(&Ingredients {
+        let mut problem = Problem::new(&ProblemInputs {
             scene: SceneModel::Floor,
             tracks: &tracks,
             state: &state,
-            stray_frames: &[],
+            outlier_frames: &[],
             departures: &[],
             cameras: &[unknowns],
             huber: self.options.huber,

@@ -6,17 +6,22 @@
 //!
 //! over the camera's numbers (ln fx, ln fy/fx, cx, cy, skew, then those of the lens): Λ_m is the Fisher information of a motion (`information.rs`), Λ₀ that of the
 //! priors, or the inverse covariance of a calibration that is to be improved. Σ is what the joint refinement reports, to first
-//! order, of motions whose views' attitudes and heights stray as assumed. The motions are chosen from a grid of attitudes and
+//! order, of motions whose views' attitudes and heights vary as assumed. The motions are chosen from a grid of attitudes and
 //! turns to make var ln f small (c-optimal design; Pukelsheim 1993, *Optimal Design of Experiments*): one after the other, then
 //! each against every other until none is better. Nothing is random.
 
-pub mod after;
+pub(crate) mod after;
 mod candidate;
-pub mod carriers;
+pub(crate) mod carriers;
 mod information;
-pub mod report;
-pub mod request;
+pub(crate) mod report;
+pub(crate) mod request;
 mod search;
+
+pub use after::start_after;
+pub use carriers::{Carrier, CarrierMotion};
+pub use report::{Assumptions, PlanReport};
+pub use request::{MAX_MOTIONS, PlanRequest, RequestError};
 
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -28,7 +33,7 @@ use crate::{
     numerics::linalg::inverse_spd,
     refine::{
         CameraState,
-        blocks::{MATRIX, MOST_CAMERA_NUMBERS},
+        blocks::{MATRIX, MAX_CAMERA_NUMBERS},
         bundle::pixels_by_camera,
     },
     remedy::Remedy,
@@ -37,7 +42,7 @@ use crate::{
     synthetic::points::MotionSpec,
 };
 
-pub use candidate::CameraMatrix;
+pub(crate) use candidate::CameraMatrix;
 use candidate::{Candidate, Free, inverse_free, ln_f_variance};
 use information::Setting;
 
@@ -81,10 +86,10 @@ pub struct PlanOptions {
 /// A calibration to be improved: the covariance of its camera in pixels squared, zero rows for what it held. It has the priors in it.
 pub type Start = Covariance<Parameter>;
 
-/// Relative deviation of heights taken where none is given: that of a tripod or a robot on a floor.
+/// Relative standard deviation of heights taken where none is given: that of a tripod or a robot on a floor.
 pub const HEIGHT_SIGMA: f64 = 1e-3;
 /// Fewest matches of a motion, as in the calibration of images.
-pub const MIN_MATCHES: f64 = 15.0;
+pub(crate) const MIN_MATCHES: f64 = 15.0;
 /// Least part of the first image's floor that the second must show.
 const MIN_OVERLAP: f64 = 0.5;
 /// Smallest turn worth planning, and distance from 180 degrees.
@@ -97,9 +102,9 @@ const STRAIGHT_DOWN_RAD: f64 = 1.52;
 const PRIOR_DECIDES: f64 = 0.7;
 /// Relative gain in the standard deviation of f below which further motions are not worth the pictures; two are made in any case,
 /// so that one checks the other.
-const LEAST_GAIN: f64 = 0.01;
+const MIN_RELATIVE_GAIN: f64 = 0.01;
 /// Standard deviation of ln f beyond which there is no sense in naming it.
-const HOPELESS: f64 = 2.0;
+const MAX_LN_F_SIGMA: f64 = 2.0;
 /// Spread of roll below which horizons count as parallel.
 const PARALLEL_RAD: f64 = 0.09;
 
@@ -111,13 +116,13 @@ pub struct Prediction {
     /// Standard deviation of the focal length √(fx fy), per cent.
     pub f_percent: f64,
     /// Parts of the variance of f that would be gone if the principal point, the aspect ratio or the lens were known.
-    pub share: Shares,
+    pub share: VarianceShares,
 }
 
 /// Where the error of the focal length comes from: parts of its variance, 0 to 1. They overlap.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 #[allow(missing_docs)]
-pub struct Shares {
+pub struct VarianceShares {
     pub principal_point: f64,
     pub aspect: f64,
     pub lens: f64,
@@ -249,7 +254,7 @@ impl Planner {
         let mut free: Free = std::array::from_fn(|i| unknowns.is_free(i));
         let base = match start {
             Some(covariance) => {
-                let back = pixels_by_camera(&options.intrinsics, &frame, MOST_CAMERA_NUMBERS)
+                let back = pixels_by_camera(&options.intrinsics, &frame, MAX_CAMERA_NUMBERS)
                     .try_inverse()
                     .ok_or_else(|| Error::InvalidInput("a camera matrix that is singular".into()))?;
                 let places = Parameter::ALL.map(|p| (p, camera.place(p)));
@@ -257,7 +262,7 @@ impl Planner {
                 let in_pixels =
                     CameraMatrix::from_fn(|r, c| at(r).zip(at(c)).map_or(0.0, |(a, b)| covariance.get(a, b)));
                 let in_frame = CameraMatrix::from_iterator((&back * in_pixels * back.transpose()).iter().copied());
-                free = std::array::from_fn(|i| in_frame[(i, i)] > LEAST_VARIANCE);
+                free = std::array::from_fn(|i| in_frame[(i, i)] > MIN_VARIANCE);
                 // Without a focal length there is nothing to improve.
                 let known = free[0].then(|| inverse_free(&in_frame, &free)).flatten();
                 known.ok_or_else(|| {
@@ -312,7 +317,7 @@ impl Planner {
     /// [`Error::Undetermined`] or [`Error::TooFewAttitudes`] when no motions of the rig tell what the constraint asks for, with
     /// the reason and what to change.
     pub fn plan(&self) -> Result<Plan, Error> {
-        self.refuse_hopeless()?;
+        self.refuse_undetermined()?;
         let candidates = self.candidates()?;
         // A rig of one attitude goes on from picture to picture.
         let chain = !self.started && self.rig.pitches_down_rad.len() * self.rig.rolls_rad.len() == 1;
@@ -325,7 +330,7 @@ impl Planner {
             let f = |p: &Option<Prediction>| p.as_ref().map_or(f64::INFINITY, |p| p.f_percent);
             if motions.len() > 1
                 && let Ok(next) = &prediction
-                && next.f_percent > (1.0 - LEAST_GAIN) * motions.last().map_or(f64::INFINITY, |m| f(&m.after))
+                && next.f_percent > (1.0 - MIN_RELATIVE_GAIN) * motions.last().map_or(f64::INFINITY, |m| f(&m.after))
             {
                 break;
             }
@@ -388,7 +393,7 @@ impl Planner {
     }
 
     /// What can be said before anything is computed.
-    fn refuse_hopeless(&self) -> Result<(), Error> {
+    fn refuse_undetermined(&self) -> Result<(), Error> {
         let rig = &self.rig;
         let largest = rig.turns_rad.iter().fold(0.0f64, |m, t| m.max(t.abs()));
         if largest < MIN_TURN_RAD {
@@ -484,7 +489,9 @@ impl Planner {
             )
         };
         let free = &self.setting.free;
-        let c = inverse_free(information, free).filter(|c| c[(0, 0)] < HOPELESS * HOPELESS).ok_or_else(singular)?;
+        let c = inverse_free(information, free)
+            .filter(|c| c[(0, 0)] < MAX_LN_F_SIGMA * MAX_LN_F_SIGMA)
+            .ok_or_else(singular)?;
         let of_matrix = c.fixed_view::<5, 5>(0, 0).into_owned();
         check_certainty(&of_matrix, self.calibration.constraint, 1, &self.setting.frame).map_err(
             |error| match error {
@@ -527,17 +534,17 @@ impl Planner {
                 k3: sd(Parameter::K3),
             },
             f_percent: 100.0 * variance.sqrt(),
-            share: Shares {
+            share: VarianceShares {
                 principal_point: share(&[2, 3]),
                 aspect: share(&[1]),
-                lens: share(&(MATRIX..MOST_CAMERA_NUMBERS).collect::<Vec<_>>()),
+                lens: share(&(MATRIX..MAX_CAMERA_NUMBERS).collect::<Vec<_>>()),
             },
         })
     }
 
     /// A covariance of the camera's numbers in pixels.
     fn in_pixels(&self, covariance: &CameraMatrix) -> DMatrix<f64> {
-        let jacobian = pixels_by_camera(&self.intrinsics, &self.setting.frame, MOST_CAMERA_NUMBERS);
+        let jacobian = pixels_by_camera(&self.intrinsics, &self.setting.frame, MAX_CAMERA_NUMBERS);
         &jacobian * covariance * jacobian.transpose()
     }
 
@@ -586,7 +593,7 @@ impl Planner {
                 out.push(Warning::ParallelHorizons { spread_deg: spread.to_degrees() });
             }
         }
-        // A good camera's aspect ratio and a lens without distortion are no news.
+        // The priors of the aspect ratio and of the distortion decide for good cameras too, so they are not warned of.
         let matters = |p: &&Prior| p.parameter != PriorParameter::Aspect && !p.parameter.is_of_lens();
         for p in priors.iter().filter(matters).filter(|p| p.posterior_over_prior > PRIOR_DECIDES) {
             out.push(Warning::PriorDecides { parameter: p.parameter, posterior_over_prior: p.posterior_over_prior });
@@ -602,4 +609,4 @@ fn unclear() -> Vec<Remedy> {
 }
 
 /// Variance (frame units) below which a number of a calibration was held: rounding of what is tied.
-const LEAST_VARIANCE: f64 = 1e-18;
+const MIN_VARIANCE: f64 = 1e-18;

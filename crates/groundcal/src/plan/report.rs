@@ -1,4 +1,4 @@
-//! A plan with what it rests on, as it is written.
+//! A plan with its assumptions, as it is written.
 
 use serde::Serialize;
 
@@ -8,35 +8,35 @@ use crate::{
     result::{Prior, Warning, WarningReport},
 };
 
-/// How far attitudes stray where nothing is said, degrees: what the calibration takes until the motions tell it.
-pub const ATTITUDE_SIGMA_DEG: f64 = 0.1;
+/// Attitude error where nothing is said, degrees: what the calibration takes until the motions tell it.
+pub(crate) const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 /// Strays up to which predictions were held against simulated calibrations (tests/library/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
 /// Strays that those simulations had, degrees.
 const SIMULATED_SIGMA_DEG: f64 = 0.1;
 
-/// A plan, what carries the camera, and what the error bars rest on.
+/// A plan, what carries the camera, and what the error bars assume.
 #[derive(Debug, Clone, Serialize)]
 pub struct PlanReport {
     /// Version of this format.
     pub format_version: u32,
     /// How the camera can move.
     pub rig: CarrierMotion,
-    /// What the error bars rest on.
-    pub assumed: Assumed,
+    /// What the error bars assume.
+    pub assumed: Assumptions,
     /// The camera as known from the calibration given; `None` without one.
     pub before: Option<Prediction>,
     /// The motions, the most useful first.
     pub motions: Vec<PlannedMotion>,
     /// What is assumed beforehand and how much of it is left to count in the end.
     pub priors: Vec<Prior>,
-    /// What the calibration is going to warn of, and [`Warning::LargeStrays`].
+    /// What the calibration is going to warn of, and [`Warning::LargeAttitudeErrors`].
     pub warnings: Vec<WarningReport>,
 }
 
-/// What the error bars rest on.
+/// What the error bars assume.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Assumed {
+pub struct Assumptions {
     /// Width and height.
     pub image_size: [usize; 2],
     /// Focal length along x, pixels.
@@ -57,22 +57,23 @@ pub struct Assumed {
     pub constraint: &'static str,
     /// How far the camera pitches and rolls by itself between views, degrees.
     pub attitude_sigma_deg: f64,
-    /// How far its height strays, relative.
+    /// How far its height varies, relative.
     pub height_sigma: f64,
 }
 
 impl PlanReport {
     /// The report of a plan made with these options, its warnings in the words of a front end.
-    pub fn new(rig: CarrierMotion, options: &PlanOptions, plan: Plan, wording: &dyn Wording) -> Self {
+    pub(crate) fn new(rig: CarrierMotion, options: &PlanOptions, plan: Plan, wording: &dyn Wording) -> Self {
         let k = &options.intrinsics;
         let attitude_sigma_deg = options.calibration.attitude_sigma_deg.unwrap_or(ATTITUDE_SIGMA_DEG);
         let mut warnings = plan.warnings;
         if attitude_sigma_deg > CHECKED_SIGMA_DEG {
-            warnings.push(Warning::LargeStrays { sigma_deg: attitude_sigma_deg, checked_deg: SIMULATED_SIGMA_DEG });
+            warnings
+                .push(Warning::LargeAttitudeErrors { sigma_deg: attitude_sigma_deg, checked_deg: SIMULATED_SIGMA_DEG });
         }
         Self {
             format_version: 1,
-            assumed: Assumed {
+            assumed: Assumptions {
                 image_size: [options.size.width, options.size.height],
                 fx: k.fx,
                 fy: k.fy,

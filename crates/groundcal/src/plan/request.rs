@@ -64,7 +64,7 @@ pub struct PlanRequest {
     pub lens: LensModel,
     /// How far the camera pitches and rolls by itself between views, standard deviation in degrees.
     pub attitude_sigma_deg: Option<f64>,
-    /// How far its height strays, relative standard deviation.
+    /// How far its height varies, relative standard deviation.
     pub height_sigma: Option<f64>,
 }
 
@@ -101,7 +101,7 @@ impl PlanRequest {
     /// [`RequestError`].
     ///
     /// ```
-    /// use groundcal::{plan::request::PlanRequest, remedy::Plain};
+    /// use groundcal::{plan::PlanRequest, remedy::Plain};
     ///
     /// let report = PlanRequest { motions: Some(3), ..PlanRequest::default() }.report(None, &Plain).unwrap();
     /// assert_eq!(report.motions.len(), 3);
@@ -188,7 +188,7 @@ struct Known<'a> {
 
 impl<'a> Known<'a> {
     fn new(calibration: &'a Calibration) -> Result<Self, RequestError> {
-        let covariance = after::start(calibration).map_err(RequestError::OfCalibration)?;
+        let covariance = after::start_after(calibration).map_err(RequestError::OfCalibration)?;
         let known = Self { calibration, covariance };
         // What it holds is judged by itself: no fault of a request that is going to take its place.
         let own = known.assumed(&Carrier::Tripod.motion(Carrier::Tripod.height_m()));

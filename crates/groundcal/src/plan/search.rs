@@ -3,9 +3,9 @@
 use crate::plan::candidate::{CameraMatrix, Candidate, Free, inverse_free, ln_f_variance};
 
 /// Relative gain in the standard deviation of f for which a less simple motion is taken, and for which one is exchanged.
-const WORTH: f64 = 0.01;
+const MIN_RELATIVE_GAIN: f64 = 0.01;
 /// Information of every number (frame units) while nothing else tells it, so that a first motion can be judged at all.
-const FAINT: f64 = 1.0;
+const WEAK_PRIOR_INFORMATION: f64 = 1.0;
 /// Rounds of exchanges.
 const ROUNDS: usize = 10;
 
@@ -20,12 +20,12 @@ impl Search<'_> {
         inverse_free(information, self.free).map_or(f64::INFINITY, |c| ln_f_variance(&c).max(0.0).sqrt())
     }
 
-    /// The candidate that helps most; among those as good to within [`WORTH`] the simplest, which comes first.
+    /// The candidate that helps most; among those as good to within [`MIN_RELATIVE_GAIN`] the simplest, which comes first.
     fn best(&self, information: &CameraMatrix, among: &[usize]) -> Option<(usize, f64)> {
         let sigmas: Vec<f64> =
             among.iter().map(|&i| self.sigma(&(information + self.candidates[i].information))).collect();
         let least = sigmas.iter().copied().fold(f64::INFINITY, f64::min);
-        let at = sigmas.iter().position(|s| *s <= least * (1.0 + WORTH))?;
+        let at = sigmas.iter().position(|s| *s <= least * (1.0 + MIN_RELATIVE_GAIN))?;
         Some((among[at], sigmas[at]))
     }
 
@@ -56,7 +56,7 @@ pub(super) fn choose(
     let search = Search { candidates, free };
     let base = base
         + CameraMatrix::from_diagonal(&nalgebra::SVector::from_fn(|i, _| {
-            if base[(i, i)] == 0.0 && free[i] { FAINT } else { 0.0 }
+            if base[(i, i)] == 0.0 && free[i] { WEAK_PRIOR_INFORMATION } else { 0.0 }
         }));
     let all: Vec<usize> = (0..candidates.len()).collect();
     let mut chosen = search.greedy(&base, &all, count, true);
@@ -70,7 +70,7 @@ pub(super) fn choose(
             let now = search.sigma(&total(&chosen));
             let without = total(&chosen) - candidates[chosen[at]].information;
             if let Some((i, sigma)) = search.best(&without, &all)
-                && sigma < now * (1.0 - WORTH)
+                && sigma < now * (1.0 - MIN_RELATIVE_GAIN)
             {
                 chosen[at] = i;
                 changed = true;

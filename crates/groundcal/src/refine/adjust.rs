@@ -1,5 +1,5 @@
 //! The joint refinement as a loop of named steps: minimise; weigh the observations; estimate the variance components; and, when
-//! all of these rest, covariances and the shape of the likelihood.
+//! all of these have converged, covariances and the shape of the likelihood.
 
 use nalgebra::Vector2;
 
@@ -16,21 +16,21 @@ use crate::{
         covariance::Solution,
         elimination::Reduced,
         evidence::Evidence,
-        layout::Ingredients,
+        layout::ProblemInputs,
         lever::LeverArm,
         problem::Problem,
         profile::profile_widening,
         release::released,
         residual::SceneModel,
-        reweight::Weighing,
+        reweight::WeightEstimate,
         score::Minimum,
         tracks::{KINDS, Track},
         variance_components::{Component, VarianceComponents, disagreement},
     },
 };
 
-/// Standard deviations by which the cameras move from round to round when they rest.
-const CAMERA_RESTS: f64 = 0.02;
+/// Standard deviations by which the cameras move from round to round when they have converged.
+const CAMERA_TOLERANCE_SIGMAS: f64 = 0.02;
 
 /// Refines a state. Where more than one start is given, all are followed and the one of least cost is the answer: a wide error
 /// bar may hold more than one minimum. The starts must have the same cameras, groups and frames.
@@ -59,16 +59,18 @@ pub(crate) fn adjust_until(
     let mut last_round = options.rounds;
     for round in 1.. {
         let fit = rounds.minimised(observer)?;
-        let weighing = rounds.weighing(&fit);
+        let weight_estimate = rounds.weight_estimate(&fit);
         let components = rounds.components.updated(&rounds.problem, &fit.out.state, &fit.factor, options);
-        let rests = rounds.cameras_rest(&fit) & weighing.rests(rounds.effects) & components.rest(&rounds.components);
-        if rests || round >= last_round {
+        let converged = rounds.cameras_converged(&fit)
+            & weight_estimate.has_converged(rounds.effects)
+            & components.has_converged(&rounds.components);
+        if converged || round >= last_round {
             if !rounds.release(&fit) {
-                return rounds.finish(fit, &weighing, &components, observer);
+                return rounds.finish(fit, &weight_estimate, &components, observer);
             }
             last_round = round + options.rounds;
         }
-        rounds.advance(&fit, &weighing, components);
+        rounds.advance(&fit, &weight_estimate, components);
     }
     Err(failed("it came to no end"))
 }
@@ -120,12 +122,12 @@ impl<'a> Rounds<'a> {
         check(tracks, &starts, options)?;
         let first = starts.first().ok_or_else(|| failed("there is no start"))?;
         let huber = options.huber;
-        let problem = Problem::new(&Ingredients {
+        let problem = Problem::new(&ProblemInputs {
             scene,
             tracks,
             state: first,
             cameras: &options.cameras,
-            stray_frames: &options.stray_frames,
+            outlier_frames: &options.outlier_frames,
             departures: &options.departures,
             huber,
         });
@@ -170,13 +172,13 @@ impl<'a> Rounds<'a> {
         Ok(Fit { out, factor, residuals, squared_residuals })
     }
 
-    fn weighing(&self, fit: &Fit) -> Weighing {
+    fn weight_estimate(&self, fit: &Fit) -> WeightEstimate {
         let residuals = (fit.residuals.as_slice(), fit.squared_residuals.as_slice());
-        Weighing::new(&self.problem, &fit.out.state, residuals, &fit.factor, self.effects)
+        WeightEstimate::new(&self.problem, &fit.out.state, residuals, &fit.factor, self.effects)
     }
 
-    /// From round to round the weights of the loss change too: the cameras rest when they hardly move them.
-    fn cameras_rest(&self, fit: &Fit) -> bool {
+    /// From round to round the weights of the loss change too: the cameras have converged when they hardly move them.
+    fn cameras_converged(&self, fit: &Fit) -> bool {
         let Some(last) = &self.last else { return false };
         let cameras = fit.out.state.cameras.iter().zip(&last.cameras).zip(&self.problem.layout.cameras);
         let mut moved = cameras.flat_map(|((now, before), block)| {
@@ -185,13 +187,13 @@ impl<'a> Rounds<'a> {
                 |(n, c): (usize, usize)| difference[n].abs() / fit.factor.inverse_block(&[c])[(0, 0)].sqrt();
             block.free().map(in_sigmas).collect::<Vec<f64>>()
         });
-        moved.all(|m| m < CAMERA_RESTS)
+        moved.all(|m| m < CAMERA_TOLERANCE_SIGMAS)
     }
 
     /// Puts what a round found into force.
-    fn advance(&mut self, fit: &Fit, weighing: &Weighing, components: VarianceComponents) {
-        weighing.apply(&mut self.problem, &fit.squared_residuals, self.effects);
-        self.effects = weighing.effects;
+    fn advance(&mut self, fit: &Fit, weight_estimate: &WeightEstimate, components: VarianceComponents) {
+        weight_estimate.apply(&mut self.problem, &fit.squared_residuals, self.effects);
+        self.effects = weight_estimate.effects;
         self.components = components;
         self.last = Some(fit.out.state.clone());
     }
@@ -210,7 +212,7 @@ impl<'a> Rounds<'a> {
     fn finish(
         self,
         fit: Fit,
-        weighing: &Weighing,
+        weight_estimate: &WeightEstimate,
         components: &VarianceComponents,
         observer: &dyn Observer,
     ) -> Result<Bundle, Error> {
@@ -218,7 +220,7 @@ impl<'a> Rounds<'a> {
         let lever_arm = LeverArm::of(problem, minimum(&fit), self.options.lens_on_axis);
         let Fit { out, factor, squared_residuals, .. } = fit;
         // Few degrees of freedom leave the noise uncertain: the variance of Student's distribution.
-        let dof = weighing.degrees_of_freedom;
+        let dof = weight_estimate.degrees_of_freedom;
         let student = if dof > 4.0 { dof / (dof - 2.0) } else { 2.0 };
         let given = self.options.attitude_sigma_rad.is_some();
         let unexplained = if given { disagreement(components.agreement) } else { 1.0 };
@@ -238,10 +240,11 @@ impl<'a> Rounds<'a> {
         for covariance in of_cameras.chain(of_groups).chain(of_views) {
             added.iter().for_each(|(places, value)| covariance[*places] += value);
         }
-        let variance_factors = std::array::from_fn(|k| weighing.white[k] / (problem.weights[k] * self.effects[k]));
-        let settled = weighing.settled(problem, &squared_residuals, self.effects);
-        let of_evidence = |k: usize| settled[k] / (problem.weights[k] * self.effects[k]);
-        let residuals = std::array::from_fn(|k| (weighing.of_kinds[k], of_evidence(k)));
+        let variance_factors =
+            std::array::from_fn(|k| weight_estimate.white[k] / (problem.weights[k] * self.effects[k]));
+        let at_fixed_point = weight_estimate.at_fixed_point(problem, &squared_residuals, self.effects);
+        let of_evidence = |k: usize| at_fixed_point[k] / (problem.weights[k] * self.effects[k]);
+        let residuals = std::array::from_fn(|k| (weight_estimate.of_kinds[k], of_evidence(k)));
         let at = (&out.state, &out.linearised);
         let evidence = Evidence::new(problem, at, &factor, components, residuals, self.effects);
         let observations_of =
@@ -254,7 +257,7 @@ impl<'a> Rounds<'a> {
             rig: solution.rig(),
             groups,
             views,
-            stray_frames: problem.stray_frames.clone(),
+            outlier_frames: problem.outlier_frames.clone(),
             attitude_sigma: Component { sigma: problem.attitude_sigma_rad, ..components.attitude },
             height_sigma: Component { sigma: problem.height_sigma, ..components.height },
             departure_sigmas: std::array::from_fn(|k| Component {
@@ -273,7 +276,7 @@ impl<'a> Rounds<'a> {
             cost: out.cost,
             squared_residuals,
             iterations: self.iterations,
-            left_to_gain: out.linearised.solve(0.0).map_or(f64::INFINITY, |step| step.predicted_decrease),
+            remaining_gain: out.linearised.solve(0.0).map_or(f64::INFINITY, |step| step.predicted_decrease),
             stop: out.stop,
             state: out.state,
             problem: self.problem,

@@ -21,35 +21,35 @@ use crate::{
         lens::{Lens, MAX_LENS_PARAMETERS},
         parameters::Parameter,
     },
-    numerics::levenberg_marquardt::{Descent, LmOptions},
+    numerics::levenberg_marquardt::{LmOptions, StepPolicy},
 };
 
 /// Numbers of a camera matrix.
-pub const MATRIX: usize = INTRINSIC_NAMES.len();
+pub(crate) const MATRIX: usize = INTRINSIC_NAMES.len();
 /// Most numbers a camera's block has.
-pub const MOST_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
+pub(crate) const MAX_CAMERA_NUMBERS: usize = MATRIX + MAX_LENS_PARAMETERS;
 /// Numbers of a rig pose.
-pub const RIG_POSE: usize = 6;
+pub(crate) const RIG_POSE: usize = 6;
 /// Numbers of an attitude group.
-pub const GROUP: usize = 3;
+pub(crate) const GROUP: usize = 3;
 /// Numbers of a frame: those of its pose, then the departures of its picture.
-pub const FRAME: usize = FRAME_POSE + DEPARTURES;
+pub(crate) const FRAME: usize = FRAME_POSE + DEPARTURES;
 /// Numbers of a frame's pose.
-pub const FRAME_POSE: usize = 6;
+pub(crate) const FRAME_POSE: usize = 6;
 /// Numbers by which the picture of a frame departs from those of the others.
-pub const DEPARTURES: usize = 4;
+pub(crate) const DEPARTURES: usize = 4;
 /// Place of ln h among the numbers of a group.
 pub(crate) const GROUP_HEIGHT: usize = 2;
 /// Place of the heading among the numbers of a frame.
 pub(crate) const FRAME_YAW: usize = 2;
-/// Place of the height's deviation among the numbers of a frame.
+/// Place of the height error among the numbers of a frame.
 pub(crate) const FRAME_HEIGHT: usize = 5;
 
 /// ln fx, ln fy/fx, cx, cy, skew in frame units.
-pub type MatrixNumbers = SVector<f64, MATRIX>;
+pub(crate) type MatrixNumbers = SVector<f64, MATRIX>;
 
 /// A Gaussian prior on a number: (mean, standard deviation).
-pub type Prior = (f64, f64);
+pub(crate) type Prior = (f64, f64);
 
 /// A camera: its matrix and its lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -75,12 +75,12 @@ impl CameraState {
     }
 
     /// How many numbers the block has.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         MATRIX + self.lens.parameter_names().len()
     }
 
     /// The place of a parameter among the numbers of the block (that of fy has ln fy/fx); `None`: the lens has none of it.
-    pub fn place(&self, parameter: Parameter) -> Option<usize> {
+    pub(crate) fn place(&self, parameter: Parameter) -> Option<usize> {
         let among = |names: &[&str]| names.iter().position(|n| *n == parameter.name());
         if parameter.is_of_lens() {
             among(self.lens.parameter_names()).map(|i| MATRIX + i)
@@ -118,12 +118,12 @@ pub struct RigPose {
 
 impl RigPose {
     /// That of the first camera.
-    pub fn identity() -> Self {
+    pub(crate) fn identity() -> Self {
         Self { rotation: Matrix3::identity(), translation: Vector3::zeros() }
     }
 
     /// Turned about the camera's axes and shifted along them by a small step.
-    pub fn moved(&self, step: &SVector<f64, RIG_POSE>) -> Self {
+    pub(crate) fn moved(&self, step: &SVector<f64, RIG_POSE>) -> Self {
         let turn = Rotation3::from_scaled_axis(step.fixed_rows::<3>(0).into_owned());
         Self { rotation: turn * self.rotation, translation: self.translation + step.fixed_rows::<3>(3) }
     }
@@ -159,12 +159,12 @@ pub struct Departure {
 
 impl Departure {
     /// The numbers in their order.
-    pub fn numbers(&self) -> [f64; DEPARTURES] {
+    pub(crate) fn numbers(&self) -> [f64; DEPARTURES] {
         [self.ln_focal, self.row_turn_rad, self.shift.x, self.shift.y]
     }
 
     /// From the numbers in their order.
-    pub fn from_numbers([ln_focal, row_turn_rad, x, y]: [f64; DEPARTURES]) -> Self {
+    pub(crate) fn from_numbers([ln_focal, row_turn_rad, x, y]: [f64; DEPARTURES]) -> Self {
         Self { ln_focal, row_turn_rad, shift: Vector2::new(x, y) }
     }
 }
@@ -182,10 +182,10 @@ pub enum DepartureKind {
 
 impl DepartureKind {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Focal, Self::RowTurn, Self::Shift];
+    pub(crate) const ALL: [Self; 3] = [Self::Focal, Self::RowTurn, Self::Shift];
 
     /// Their numbers among those of a frame.
-    pub fn numbers(self) -> std::ops::Range<usize> {
+    pub(crate) fn numbers(self) -> std::ops::Range<usize> {
         match self {
             Self::Focal => FRAME_POSE..FRAME_POSE + 1,
             Self::RowTurn => FRAME_POSE + 1..FRAME_POSE + 2,
@@ -243,7 +243,7 @@ impl State {
     }
 
     /// The same with a group, and so a free attitude and height, for each frame: general motion before the plane.
-    pub fn with_own_attitudes(mut self) -> Self {
+    pub(crate) fn with_own_attitudes(mut self) -> Self {
         let of = |f: &FrameState| {
             let group = &self.groups[f.group];
             GroupState { attitude: group.turned(f.delta_rad), ln_height: group.ln_height + f.ln_height_ratio }
@@ -293,7 +293,7 @@ impl CameraUnknowns {
     }
 
     /// Whether a number of the camera's block is estimated.
-    pub fn is_free(&self, number: usize) -> bool {
+    pub(crate) fn is_free(&self, number: usize) -> bool {
         match number.checked_sub(MATRIX) {
             None => self.matrix_free[number],
             Some(of_lens) => self.lens_free.get(of_lens).copied().unwrap_or(false),
@@ -301,7 +301,7 @@ impl CameraUnknowns {
     }
 
     /// Sets whether a number of the camera's block is estimated.
-    pub fn set_free(&mut self, number: usize, free: bool) {
+    pub(crate) fn set_free(&mut self, number: usize, free: bool) {
         match number.checked_sub(MATRIX) {
             None => self.matrix_free[number] = free,
             Some(of_lens) => {
@@ -312,7 +312,7 @@ impl CameraUnknowns {
     }
 
     /// Has a number of the lens estimated, with a prior or none.
-    pub fn free_lens(&mut self, of_lens: usize, prior: Option<Prior>) {
+    pub(crate) fn free_lens(&mut self, of_lens: usize, prior: Option<Prior>) {
         self.set_free(MATRIX + of_lens, true);
         self.lens_priors.resize(self.lens_priors.len().max(of_lens + 1), None);
         self.lens_priors[of_lens] = prior;
@@ -325,7 +325,7 @@ impl CameraUnknowns {
     }
 
     /// The prior of a number of the camera's block.
-    pub fn prior(&self, number: usize) -> Option<Prior> {
+    pub(crate) fn prior(&self, number: usize) -> Option<Prior> {
         match number.checked_sub(MATRIX) {
             None => self.matrix_priors[number],
             Some(of_lens) => self.lens_priors.get(of_lens).copied().flatten(),
@@ -333,9 +333,9 @@ impl CameraUnknowns {
     }
 }
 
-/// Deviation, about each axis, of the attitude of a frame that strayed from the others': a tripod leg that slipped, a head knocked, a
+/// Standard deviation, about each axis, of the attitude error of an outlier frame: a tripod leg that slipped, a head knocked, a
 /// pair of another attitude.
-pub const STRAY_SIGMA_RAD: f64 = 0.05;
+pub(crate) const OUTLIER_ATTITUDE_SIGMA_RAD: f64 = 0.05;
 
 /// Options of the joint refinement.
 #[derive(Debug, Clone)]
@@ -349,8 +349,8 @@ pub struct BundleOptions {
     pub attitude_scale_rad: f64,
     /// σ_h, relative; `None`: estimated.
     pub height_sigma: Option<f64>,
-    /// Frames whose attitudes do not count among those that σ_a is of: they strayed by their own means, by up to [`STRAY_SIGMA_RAD`].
-    pub stray_frames: Vec<usize>,
+    /// Frames whose attitudes do not count among those that σ_a is of: outliers, whose errors have the standard deviation [`OUTLIER_ATTITUDE_SIGMA_RAD`].
+    pub outlier_frames: Vec<usize>,
     /// Somebody vouches that a camera taken to turn on the spot turns about its lens. Otherwise its covariance allows for a lens off the
     /// axis by what the residuals leave open ([`crate::refine::LeverArm`]).
     pub lens_on_axis: bool,
@@ -368,16 +368,16 @@ pub struct BundleOptions {
 
 impl BundleOptions {
     /// Residuals beyond this many standard deviations count less, unless told otherwise.
-    pub const HUBER: f64 = 3.0;
+    pub(crate) const HUBER: f64 = 3.0;
 
     /// For a model that is only tried against another: neither the last digits nor the shape of the likelihood matter.
-    pub fn for_trial(self) -> Self {
+    pub(crate) fn for_trial(self) -> Self {
         let lm = LmOptions { max_iterations: 25, ..self.lm };
         Self { rounds: 3, profile: false, lm, ..self }
     }
 
     /// The same priors and freedoms with the pains of other options.
-    pub fn as_thorough_as(self, other: &Self) -> Self {
+    pub(crate) fn with_thoroughness_of(self, other: &Self) -> Self {
         Self { rounds: other.rounds, profile: other.profile, lm: other.lm, ..self }
     }
 
@@ -388,14 +388,14 @@ impl BundleOptions {
             attitude_sigma_rad: None,
             attitude_scale_rad: 0.1f64.to_radians(),
             height_sigma: None,
-            stray_frames: Vec::new(),
+            outlier_frames: Vec::new(),
             lens_on_axis: false,
             departures: Vec::new(),
             huber: Self::HUBER,
             rounds: 10,
             profile: true,
             lm: LmOptions {
-                descent: Descent::Damped,
+                descent: StepPolicy::Damped,
                 max_iterations: 60,
                 relative_cost_tolerance: 1e-7,
                 step_tolerance: 1e-13,

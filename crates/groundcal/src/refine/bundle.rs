@@ -33,7 +33,7 @@ impl JointCovariance {
     }
 
     /// Of all.
-    pub fn matrix(&self) -> &DMatrix<f64> {
+    pub(crate) fn matrix(&self) -> &DMatrix<f64> {
         &self.matrix
     }
 
@@ -43,18 +43,12 @@ impl JointCovariance {
     }
 
     /// How many of the first are the camera's.
-    pub fn camera_numbers(&self) -> usize {
+    pub(crate) fn camera_numbers(&self) -> usize {
         self.camera_numbers
     }
 
-    /// Of the camera's numbers.
-    pub fn camera(&self) -> DMatrix<f64> {
-        let n = self.camera_numbers;
-        self.matrix.view((0, 0), (n, n)).into_owned()
-    }
-
     /// Of the others.
-    pub fn rest(&self) -> DMatrix<f64> {
+    pub(crate) fn without_camera(&self) -> DMatrix<f64> {
         let (n, all) = (self.camera_numbers, self.matrix.nrows());
         self.matrix.view((n, n), (all - n, all - n)).into_owned()
     }
@@ -119,7 +113,7 @@ pub struct ViewEstimate {
     pub yaw_sigma_rad: f64,
     /// Pitch (down) and roll of this view, radians.
     pub pitch_roll_rad: [f64; 2],
-    /// How far its attitude strays from its group's about two level axes, radians.
+    /// Its attitude error against its group's about two level axes, radians.
     pub delta_rad: [f64; 2],
     /// Optical centre: x, y, height (directions: zero, zero, one).
     pub centre: Vector3<f64>,
@@ -150,13 +144,13 @@ pub struct Bundle {
     pub groups: Vec<GroupEstimate>,
     /// One a frame; `None` for frames without tracks.
     pub views: Vec<Option<ViewEstimate>>,
-    /// Frames whose attitudes strayed, which its σ_a is not of.
-    pub stray_frames: Vec<usize>,
-    /// Deviation of the frames' attitudes, radians.
+    /// Frames whose attitude errors are outliers, which its σ_a is not of.
+    pub outlier_frames: Vec<usize>,
+    /// Standard deviation of the frames' attitudes, radians.
     pub attitude_sigma: Component,
-    /// Relative deviation of the frames' heights.
+    /// Relative standard deviation of the frames' heights.
     pub height_sigma: Component,
-    /// Deviation of each kind of departure of the frames' pictures (relative f, radians, frame units); zero where it is not estimated.
+    /// Standard deviation of each kind of departure of the frames' pictures (relative f, radians, frame units); zero where it is not estimated.
     pub departure_sigmas: [Component; DepartureKind::ALL.len()],
     /// Parallax that a camera taken to turn on the spot shows, which the covariance of the first camera allows for; `None`: none.
     pub lever_arm: Option<LeverArm>,
@@ -172,7 +166,7 @@ pub struct Bundle {
     pub observations_of: [usize; KINDS],
     /// Degrees of freedom of the residuals.
     pub degrees_of_freedom: f64,
-    /// How well the frames' attitudes agree with σ_a: chi-squared of their deviations and its degrees of freedom.
+    /// How well the frames' attitudes agree with σ_a: chi-squared of their errors and its degrees of freedom.
     pub agreement: (f64, usize),
     /// The same under the largest σ_a with which motions are about the plane's normal.
     pub agreement_at_most: (f64, usize),
@@ -187,7 +181,7 @@ pub struct Bundle {
     /// Steps tried, over all rounds.
     pub iterations: usize,
     /// By how much a further step would still lower the cost: 0.5 is one standard deviation in one direction.
-    pub left_to_gain: f64,
+    pub remaining_gain: f64,
     /// Why the last loop ended.
     pub stop: StopReason,
     /// What was minimised last.

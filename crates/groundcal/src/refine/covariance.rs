@@ -124,7 +124,7 @@ impl Solution<'_> {
                 let origin = self.layout.component_of_frame[v];
                 let [pitch, roll, yaw, x, y, height] = self.pose_numbers(v, origin).into();
                 let covariance = self.with_camera(&self.view_derivative(v, origin));
-                let of_pose = covariance.rest();
+                let of_pose = covariance.without_camera();
                 let sd = |i: usize| of_pose[(i, i)].max(0.0).sqrt();
                 Some(ViewEstimate {
                     origin,

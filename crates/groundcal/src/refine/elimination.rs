@@ -283,7 +283,7 @@ fn reflection(vectors: &mut [[f64; 2]], k: usize) -> Option<(f64, f64)> {
 }
 
 /// The problem linearised, points eliminated.
-pub struct Reduced {
+pub(crate) struct Reduced {
     cost: f64,
     by_points: f64,
     /// Information of the columns.

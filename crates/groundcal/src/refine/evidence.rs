@@ -5,7 +5,7 @@
 //! ```
 //!
 //! N is the number of degrees of freedom of a kind over its design effect, s² the variance of its residuals (profile likelihood of
-//! the noise); D are all numbers that have a prior: those of the cameras, and the deviations of the frames' attitudes and heights. C_D is
+//! the noise); D are all numbers that have a prior: those of the cameras, and the random_effects of the frames' attitudes and heights. C_D is
 //! their covariance given all, so that the determinants are the volume that the data leave over the volume that was allowed
 //! beforehand: a wide prior, or a large σ_a, has to earn its width. What has no prior is profiled, as in restricted likelihood.
 //! e is the mean likelihood of σ_a and σ_h over their own priors, over that of the values in force.
@@ -16,7 +16,7 @@ use crate::refine::{
 };
 
 /// Least variance of residuals, in units of the expected: below it there is no noise to speak of (the weights stop there too).
-const LEAST_VARIANCE: f64 = 0.04;
+const MIN_VARIANCE: f64 = 0.04;
 
 /// The parts of a model's evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -48,13 +48,13 @@ impl Evidence {
     }
 
     /// By how much -2 ln E is smaller than another model's of the same tracks.
-    pub fn gain_over(&self, other: &Self) -> f64 {
+    pub(crate) fn gain_over(&self, other: &Self) -> f64 {
         let of_kind = |k: usize| {
             let (count, variance) = self.residuals[k];
             let (_, before) = other.residuals[k];
             // What neighbours have in common under the other model and not under this one is what this one explains.
             let effect = self.design_effects[k];
-            let ln = |v: f64| v.max(LEAST_VARIANCE).ln();
+            let ln = |v: f64| v.max(MIN_VARIANCE).ln();
             count / effect * (ln(before) - ln(variance))
         };
         other.squares - self.squares + other.volumes - self.volumes + (0..KINDS).map(of_kind).sum::<f64>()

@@ -15,9 +15,7 @@ use crate::{
 
 /// Where the numbers of a block stand: those that are estimated have columns one after the other.
 #[derive(Debug, Clone, Default)]
-pub struct Block {
-    /// Column of the first of them.
-    pub offset: usize,
+pub(crate) struct Block {
     /// How many they are.
     pub size: usize,
     columns: Vec<Option<usize>>,
@@ -26,12 +24,12 @@ pub struct Block {
 impl Block {
     /// A block of which nothing is estimated.
     fn held(numbers: usize) -> Self {
-        Self { offset: 0, size: 0, columns: vec![None; numbers] }
+        Self { size: 0, columns: vec![None; numbers] }
     }
 
     /// A block from a column on, which it moves on.
     fn at(next: &mut usize, free: impl IntoIterator<Item = bool>) -> Self {
-        let offset = *next;
+        let first = *next;
         let columns = free
             .into_iter()
             .map(|free| {
@@ -39,28 +37,28 @@ impl Block {
                 free.then(|| *next - 1)
             })
             .collect();
-        Self { offset, size: *next - offset, columns }
+        Self { size: *next - first, columns }
     }
 
     /// The column of a number; `None`: held, or without effect.
-    pub fn column(&self, number: usize) -> Option<usize> {
+    pub(crate) fn column(&self, number: usize) -> Option<usize> {
         self.columns.get(number).copied().flatten()
     }
 
     /// The columns of all numbers in their order.
-    pub fn columns(&self) -> &[Option<usize>] {
+    pub(crate) fn columns(&self) -> &[Option<usize>] {
         &self.columns
     }
 
     /// (number, column) of those that are estimated.
-    pub fn free(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+    pub(crate) fn free(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
         self.columns.iter().enumerate().filter_map(|(number, column)| Some((number, (*column)?)))
     }
 }
 
 /// The blocks of the reduced equations.
 #[derive(Debug, Clone)]
-pub struct Layout {
+pub(crate) struct Layout {
     /// Cameras.
     pub cameras: Vec<Block>,
     /// Their poses in the rig.
@@ -80,7 +78,7 @@ pub struct Layout {
 }
 
 /// What a problem is made of.
-pub struct Ingredients<'a> {
+pub(crate) struct ProblemInputs<'a> {
     /// Floor or directions.
     pub scene: SceneModel,
     /// Points.
@@ -89,21 +87,21 @@ pub struct Ingredients<'a> {
     pub state: &'a State,
     /// What of the cameras is estimated.
     pub cameras: &'a [CameraUnknowns],
-    /// Frames whose attitudes strayed.
-    pub stray_frames: &'a [usize],
+    /// Frames whose attitude errors are outliers.
+    pub outlier_frames: &'a [usize],
     /// What of the frames' departures is estimated.
     pub departures: &'a [DepartureKind],
-    /// Deviation of residuals beyond which they count less.
+    /// Standard deviation of residuals beyond which they count less.
     pub huber: f64,
 }
 
 /// The component (set of frames that tracks connect) of each frame, named by its first.
-pub fn components_of(frames: usize, tracks: &[Track]) -> Vec<usize> {
+pub(crate) fn components_of(frames: usize, tracks: &[Track]) -> Vec<usize> {
     components(frames, tracks.iter().flat_map(|t| t.observations.windows(2).map(|w| (w[0].frame, w[1].frame))))
 }
 
 /// Frames of each component in breadth-first order, their groups after them, rig and cameras last: neighbours stay near the diagonal.
-pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
+pub(crate) fn build_layout(i: &ProblemInputs<'_>) -> Layout {
     let group_of: Vec<usize> = i.state.frames.iter().map(|f| f.group).collect();
     let count = group_of.len();
     let component_of_frame = components_of(count, i.tracks);
@@ -149,11 +147,11 @@ pub(crate) fn lay_out(i: &Ingredients<'_>) -> Layout {
         // Directions have no up of their own: unless two frames share an attitude, any rotation of the world will do.
         let has_axis = floor || order.iter().any(|&v| shared(v));
         for &v in &order {
-            let (strays, moves) = (shared(v), v != root);
+            let (has_error, moves) = (shared(v), v != root);
             // What has a group of its own has no height over that of the group.
-            let height = floor && strays && (moves || !is_unit);
+            let height = floor && has_error && (moves || !is_unit);
             let mut free = [false; FRAME];
-            free[..FRAME_POSE].copy_from_slice(&[strays, strays, moves, floor && moves, floor && moves, height]);
+            free[..FRAME_POSE].copy_from_slice(&[has_error, has_error, moves, floor && moves, floor && moves, height]);
             i.departures.iter().for_each(|d| free[d.numbers()].fill(true));
             layout.frames[v] = Block::at(&mut layout.size, free);
         }
@@ -202,7 +200,7 @@ pub(crate) struct Cluster {
     pub(crate) places: Vec<ObservationPlaces>,
 }
 
-pub(crate) fn cluster(i: &Ingredients<'_>, layout: &Layout) -> Vec<Cluster> {
+pub(crate) fn cluster_tracks(i: &ProblemInputs<'_>, layout: &Layout) -> Vec<Cluster> {
     let mut by_images: BTreeMap<Vec<(usize, usize)>, Vec<usize>> = BTreeMap::new();
     for (t, track) in i.tracks.iter().enumerate() {
         by_images.entry(track.observations.iter().map(|o| (o.frame, o.camera)).collect()).or_default().push(t);
@@ -248,7 +246,7 @@ pub(crate) fn cluster(i: &Ingredients<'_>, layout: &Layout) -> Vec<Cluster> {
 }
 
 impl Layout {
-    /// The column of the height's deviation of a frame.
+    /// The column of the height error of a frame.
     pub(crate) fn height_column(&self, frame: usize) -> Option<usize> {
         self.frames[frame].column(FRAME_HEIGHT)
     }

@@ -34,17 +34,17 @@ use crate::{
 const LEVER_P: f64 = 1e-3;
 /// Standard deviation, beforehand, of the numbers of ρ l: 3 mm over a floor 1.5 m below are 0.002, a tripod head's 5 cm before things 5 m away
 /// 0.01, an arm's length in a room 0.2, which is then seen.
-const SIGMA: f64 = 0.01;
+const PARALLAX_SIGMA: f64 = 0.01;
 /// Standard deviation of inverse distances over their mean. (Seen from above, the inverse distances of the points of a floor are spread evenly
 /// from the horizon down: 0.58. In rooms whose walls are 1 to 4 away it is 0.4, from 2 to 4 0.2.)
-const VARIATION: f64 = 0.4;
+const INVERSE_DISTANCE_VARIATION: f64 = 0.4;
 
 /// What a camera taken to turn on the spot may be wrong by for a lens off the axis.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LeverArm {
     /// How far the lens is off the axis, over the (harmonic) mean distance of the points; `None`: the images show no parallax.
     pub over_distance: Option<f64>,
-    /// Deviation of ln f of the first camera for it.
+    /// Standard deviation of ln f of the first camera for it.
     pub ln_f_sigma: f64,
     /// Covariance of the numbers of the first camera for it, by their places.
     added: Vec<((usize, usize), f64)>,
@@ -68,7 +68,7 @@ impl LeverArm {
             }
             all
         };
-        let score = problem.score(at, SIGMA, by_numbers)?;
+        let score = problem.score(at, PARALLAX_SIGMA, by_numbers)?;
         let free: Vec<(usize, usize)> = problem.layout.cameras[0].free().collect();
         let moved_by = score.moved_by.select_rows(free.iter().map(|(_, column)| column));
         let of_a_floor = score.chance() < LEVER_P;
@@ -84,7 +84,7 @@ impl LeverArm {
             over_distance = of_a_floor.then(|| score.step.norm());
         }
         if let Some((direction, lambda)) = of_single_points {
-            let far = lambda / VARIATION;
+            let far = lambda / INVERSE_DISTANCE_VARIATION;
             // The first three numbers are l at one distance for all.
             let step = moved_by.columns(0, 3) * direction * far;
             covariance += &step * step.transpose();

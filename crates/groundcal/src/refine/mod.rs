@@ -5,7 +5,7 @@
 //!          + Σ_f |δ_f|² / σ_a²  +  Σ_f (ln h_f - ln h_g)² / σ_h²  +  Σ_i (p_i - p̄_i)² / σ_i²
 //! ```
 //!
-//! with π of [`residual`], Huber's ρ, Λ the inverse covariance of an observation. σ_a, how far each frame's attitude strays from
+//! with π of [`residual`], Huber's ρ, Λ the inverse covariance of an observation. σ_a, the attitude error of each frame against
 //! that of its group, and σ_h, how far its height does, are variance components: 0 for exact plane-normal motion at constant
 //! height (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood.
@@ -16,31 +16,44 @@
 //! `covariance` and `profile`. What an alternative would gain is looked at (`prospect`) before it is tried.
 
 pub(crate) mod adjust;
-pub mod blocks;
-pub mod bundle;
+pub(crate) mod blocks;
+pub(crate) mod bundle;
 pub(crate) mod covariance;
-pub mod elimination;
+pub(crate) mod elimination;
 pub(crate) mod evidence;
-pub mod layout;
+pub(crate) mod layout;
 pub(crate) mod lever;
-pub mod problem;
+pub(crate) mod problem;
 pub(crate) mod profile;
 pub(crate) mod prospect;
 pub(crate) mod release;
-pub mod residual;
+pub(crate) mod residual;
 pub(crate) mod reweight;
 pub(crate) mod score;
-pub mod start;
-pub mod tracks;
-pub mod variance_components;
+pub(crate) mod start;
+pub(crate) mod tracks;
+pub(crate) mod variance_components;
+
+pub use bundle::RigEstimate;
+pub use variance_components::Component;
 
 pub use adjust::adjust;
-pub use blocks::{
-    BundleOptions, CameraState, CameraUnknowns, Departure, DepartureKind, FrameState, GroupState, RigPose, State,
-};
-pub use bundle::{Bundle, CameraEstimate, GroupEstimate, JointCovariance, RigEstimate, ViewEstimate};
-pub use evidence::Evidence;
-pub use lever::LeverArm;
+pub use blocks::BundleOptions;
+pub use blocks::CameraState;
+pub use blocks::CameraUnknowns;
+pub use blocks::Departure;
+pub(crate) use blocks::DepartureKind;
+pub use blocks::FrameState;
+pub use blocks::GroupState;
+pub use blocks::RigPose;
+pub use blocks::State;
+pub use bundle::Bundle;
+pub(crate) use bundle::CameraEstimate;
+pub(crate) use bundle::GroupEstimate;
+pub(crate) use bundle::JointCovariance;
+pub(crate) use bundle::ViewEstimate;
 pub use residual::SceneModel;
-pub use tracks::{KINDS, Kind, Observation, Track};
-pub use variance_components::{Component, disagreement};
+pub use tracks::Kind;
+pub use tracks::Observation;
+pub use tracks::Track;
+pub(crate) use variance_components::disagreement;

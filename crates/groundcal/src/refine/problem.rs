@@ -6,9 +6,11 @@ use rayon::prelude::*;
 use crate::{
     numerics::levenberg_marquardt::LeastSquares,
     refine::{
-        blocks::{CameraUnknowns, Departure, DepartureKind, FRAME_POSE, GROUP_HEIGHT, STRAY_SIGMA_RAD, State},
+        blocks::{
+            CameraUnknowns, Departure, DepartureKind, FRAME_POSE, GROUP_HEIGHT, OUTLIER_ATTITUDE_SIGMA_RAD, State,
+        },
         elimination::{Part, Reduced, TrackRows},
-        layout::{Cluster, Ingredients, Layout, cluster, lay_out},
+        layout::{Cluster, Layout, ProblemInputs, build_layout, cluster_tracks},
         residual::{Pose, Projection, Projector, SceneModel, project_with_derivatives, tangent_of},
         tracks::KINDS,
     },
@@ -16,7 +18,7 @@ use crate::{
 
 /// An observation, ready for use.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Seen {
+pub(crate) struct PreparedObservation {
     pub(crate) pixel: Vector2<f64>,
     /// Its row, from -1 (first) to 1 (last).
     pub(crate) row: f64,
@@ -26,7 +28,7 @@ pub(crate) struct Seen {
     pub(crate) robust: f64,
 }
 
-impl Seen {
+impl PreparedObservation {
     pub(crate) fn whitened(&self, r: &Vector2<f64>) -> Vector2<f64> {
         Vector2::new(self.whiten[0] * r.x + self.whiten[1] * r.y, self.whiten[2] * r.y)
     }
@@ -39,9 +41,9 @@ fn root(m: &Matrix2<f64>) -> [f64; 3] {
     [a, b, (m[(1, 1)] - b * b).max(0.0).sqrt()]
 }
 
-/// A deviation that has a variance in common with others: `sign` times the step of a column adds to its value.
+/// A random effect: it has a variance in common with others: `sign` times the step of a column adds to its value.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Deviation {
+pub(crate) struct RandomEffect {
     pub(crate) column: usize,
     pub(crate) sign: f64,
     pub(crate) value: f64,
@@ -49,24 +51,24 @@ pub(crate) struct Deviation {
 
 /// The problem.
 #[derive(Debug, Clone)]
-pub struct Problem {
+pub(crate) struct Problem {
     pub(crate) scene: SceneModel,
-    pub(crate) seen: Vec<Vec<Seen>>,
+    pub(crate) prepared: Vec<Vec<PreparedObservation>>,
     pub(crate) clusters: Vec<Cluster>,
     /// Columns.
     pub layout: Layout,
     first: Vec<usize>,
     /// What is estimated of the cameras, with its priors.
     pub(crate) cameras: Vec<CameraUnknowns>,
-    /// Deviation of each frame's attitude about each of two axes, radians.
+    /// Standard deviation of each frame's attitude about each of two axes, radians.
     pub attitude_sigma_rad: f64,
-    /// Frames whose attitudes have a deviation of their own.
-    pub(crate) stray_frames: Vec<usize>,
-    /// Relative deviation of each frame's height from that of its group.
+    /// Frames whose attitude errors have a standard deviation of their own.
+    pub(crate) outlier_frames: Vec<usize>,
+    /// Relative standard deviation of each frame's height from that of its group.
     pub height_sigma: f64,
     /// Departures that are estimated.
     pub(crate) departures_estimated: Vec<DepartureKind>,
-    /// Deviation of each kind of departure.
+    /// Standard deviation of each kind of departure.
     pub departure_sigmas: [f64; DepartureKind::ALL.len()],
     /// Factors on the information of the observations of each kind.
     pub(crate) weights: [f64; KINDS],
@@ -76,8 +78,8 @@ pub struct Problem {
     pub(crate) huber: f64,
 }
 
-/// Least deviation of attitudes (radians) and heights (relative): what is said to be exact is held this stiffly.
-pub(crate) const STIFF: f64 = 1e-7;
+/// Least standard deviation of attitudes (radians) and heights (relative): what is said to be exact is held with this standard deviation.
+pub(crate) const MIN_PRIOR_SIGMA: f64 = 1e-7;
 
 /// Tracks of a cluster that are worked on at once.
 const CHUNK: usize = 64;
@@ -96,7 +98,12 @@ impl Views {
     }
 
     /// Where an image shows the point of an observation.
-    pub(crate) fn project(&self, image: (usize, usize), q: &Vector3<f64>, seen: &Seen) -> Option<Vector2<f64>> {
+    pub(crate) fn project(
+        &self,
+        image: (usize, usize),
+        q: &Vector3<f64>,
+        seen: &PreparedObservation,
+    ) -> Option<Vector2<f64>> {
         let (projector, pose) = self.of(image);
         projector.project_from(pose, q, seen.row)
     }
@@ -104,9 +111,9 @@ impl Views {
 
 impl Problem {
     /// Orders the unknowns and prepares the observations.
-    pub fn new(i: &Ingredients<'_>) -> Self {
-        let layout = lay_out(i);
-        let seen = i
+    pub(crate) fn new(i: &ProblemInputs<'_>) -> Self {
+        let layout = build_layout(i);
+        let prepared: Vec<Vec<PreparedObservation>> = i
             .tracks
             .iter()
             .map(|t| {
@@ -115,12 +122,17 @@ impl Problem {
                     let frame = &camera.frame;
                     let information = o.information * frame.scale_px * frame.scale_px;
                     let pixel = frame.from_pixel(&o.pixel);
-                    Seen { pixel, row: pixel.y / camera.image_half_sides[1], whiten: root(&information), robust: 1.0 }
+                    PreparedObservation {
+                        pixel,
+                        row: pixel.y / camera.image_half_sides[1],
+                        whiten: root(&information),
+                        robust: 1.0,
+                    }
                 };
                 t.observations.iter().map(of).collect()
             })
             .collect();
-        let clusters = cluster(i, &layout);
+        let clusters = cluster_tracks(i, &layout);
         let mut first: Vec<usize> = (0..layout.size).collect();
         for c in &clusters {
             let least = c.columns.first().copied().unwrap_or(0);
@@ -130,13 +142,13 @@ impl Problem {
         }
         Self {
             scene: i.scene,
-            seen,
+            prepared,
             clusters,
             layout,
             first,
             cameras: i.cameras.to_vec(),
-            attitude_sigma_rad: STIFF,
-            stray_frames: i.stray_frames.to_vec(),
+            attitude_sigma_rad: MIN_PRIOR_SIGMA,
+            outlier_frames: i.outlier_frames.to_vec(),
             height_sigma: 1.0,
             departures_estimated: i.departures.to_vec(),
             departure_sigmas: [1.0; DepartureKind::ALL.len()],
@@ -147,9 +159,9 @@ impl Problem {
     }
 
     /// The same observations, weights and components with other unknowns.
-    pub(crate) fn with(&self, i: &Ingredients<'_>) -> Self {
+    pub(crate) fn with(&self, i: &ProblemInputs<'_>) -> Self {
         Self {
-            seen: self.seen.clone(),
+            prepared: self.prepared.clone(),
             attitude_sigma_rad: self.attitude_sigma_rad,
             height_sigma: self.height_sigma,
             departure_sigmas: self.departure_sigmas,
@@ -159,13 +171,13 @@ impl Problem {
     }
 
     /// Observations.
-    pub fn observations(&self) -> usize {
-        self.seen.iter().map(Vec::len).sum()
+    pub(crate) fn observations(&self) -> usize {
+        self.prepared.iter().map(Vec::len).sum()
     }
 
     /// Tracks.
-    pub fn tracks(&self) -> usize {
-        self.seen.len()
+    pub(crate) fn tracks(&self) -> usize {
+        self.prepared.len()
     }
 
     pub(crate) fn views(&self, state: &State) -> Views {
@@ -196,81 +208,81 @@ impl Problem {
     /// Points as the first image of each track shows them; `None` where the lens folds over.
     pub(crate) fn points_from_first_images(&self, state: &State) -> Option<Vec<Vector3<f64>>> {
         let views = self.views(state);
-        let mut points = vec![Vector3::z(); self.seen.len()];
+        let mut points = vec![Vector3::z(); self.prepared.len()];
         for c in &self.clusters {
             let (projector, pose) = views.of(c.images[0]);
             for &t in &c.tracks {
-                let first = &self.seen[t][0];
+                let first = &self.prepared[t][0];
                 points[t] = projector.point_of(pose, &first.pixel, first.row)?;
             }
         }
         Some(points)
     }
 
-    /// Deviations of the frames' attitudes from those of their groups, but for the frames that strayed.
-    pub(crate) fn attitude_deviations(&self, state: &State) -> Vec<Deviation> {
-        self.attitudes_of_frames(state, |frame| !self.stray_frames.contains(&frame))
+    /// Errors of the frames' attitudes against those of their groups, but for outlier frames.
+    pub(crate) fn attitude_errors(&self, state: &State) -> Vec<RandomEffect> {
+        self.attitudes_of_frames(state, |frame| !self.outlier_frames.contains(&frame))
     }
 
-    /// The same of the frames that strayed.
-    fn stray_deviations(&self, state: &State) -> Vec<Deviation> {
-        self.attitudes_of_frames(state, |frame| self.stray_frames.contains(&frame))
+    /// The same of outlier frames.
+    fn outlier_attitude_errors(&self, state: &State) -> Vec<RandomEffect> {
+        self.attitudes_of_frames(state, |frame| self.outlier_frames.contains(&frame))
     }
 
-    fn attitudes_of_frames(&self, state: &State, wanted: impl Fn(usize) -> bool) -> Vec<Deviation> {
+    fn attitudes_of_frames(&self, state: &State, wanted: impl Fn(usize) -> bool) -> Vec<RandomEffect> {
         let of_frame = |(v, f): (usize, &crate::refine::blocks::FrameState)| {
             let block = &self.layout.frames[v];
-            let deviation = |axis: usize| {
-                block.column(axis).map(|column| Deviation { column, sign: 1.0, value: f.delta_rad[axis] })
+            let effect = |axis: usize| {
+                block.column(axis).map(|column| RandomEffect { column, sign: 1.0, value: f.delta_rad[axis] })
             };
-            [deviation(0), deviation(1)]
+            [effect(0), effect(1)]
         };
         state.frames.iter().enumerate().filter(|(v, _)| wanted(*v)).flat_map(of_frame).flatten().collect()
     }
 
-    /// Deviations of the frames' heights from those of their groups. The height of a unit is 1: what it strays from its group's is
+    /// Errors of the frames' heights against those of their groups. The height of a unit is 1: what it differs from its group's is
     /// what the group's is away from 1.
-    pub(crate) fn height_deviations(&self, state: &State) -> Vec<Deviation> {
+    pub(crate) fn height_errors(&self, state: &State) -> Vec<RandomEffect> {
         if self.scene == SceneModel::Directions {
             return Vec::new();
         }
         let own = state.frames.iter().enumerate().filter_map(|(v, f)| {
-            Some(Deviation { column: self.layout.height_column(v)?, sign: 1.0, value: f.ln_height_ratio })
+            Some(RandomEffect { column: self.layout.height_column(v)?, sign: 1.0, value: f.ln_height_ratio })
         });
         let units = self.layout.units.iter().filter_map(|&v| {
             let g = state.frames[v].group;
             let column = self.layout.groups[g].column(GROUP_HEIGHT)?;
-            Some(Deviation { column, sign: -1.0, value: -state.groups[g].ln_height })
+            Some(RandomEffect { column, sign: -1.0, value: -state.groups[g].ln_height })
         });
         own.chain(units).collect()
     }
 
     /// Departures of one kind of the frames' pictures from those of the others.
-    pub(crate) fn departures(&self, state: &State, kind: DepartureKind) -> Vec<Deviation> {
+    pub(crate) fn departures(&self, state: &State, kind: DepartureKind) -> Vec<RandomEffect> {
         let of_frame = |(f, block): (&crate::refine::blocks::FrameState, &crate::refine::layout::Block)| {
             let numbers = f.departure.numbers();
-            let deviation =
-                |n: usize| Some(Deviation { column: block.column(n)?, sign: 1.0, value: numbers[n - FRAME_POSE] });
-            kind.numbers().filter_map(deviation).collect::<Vec<_>>()
+            let effect =
+                |n: usize| Some(RandomEffect { column: block.column(n)?, sign: 1.0, value: numbers[n - FRAME_POSE] });
+            kind.numbers().filter_map(effect).collect::<Vec<_>>()
         };
         state.frames.iter().zip(&self.layout.frames).flat_map(of_frame).collect()
     }
 
     /// Every prior as a deviation and its standard deviation.
-    pub(crate) fn priors(&self, state: &State) -> Vec<(Deviation, f64)> {
+    pub(crate) fn priors(&self, state: &State) -> Vec<(RandomEffect, f64)> {
         let mut out = Vec::new();
         for ((camera, unknowns), block) in state.cameras.iter().zip(&self.cameras).zip(&self.layout.cameras) {
             let numbers = camera.numbers();
             for (number, column) in block.free() {
                 if let Some((mean, sigma)) = unknowns.prior(number) {
-                    out.push((Deviation { column, sign: 1.0, value: numbers[number] - mean }, sigma));
+                    out.push((RandomEffect { column, sign: 1.0, value: numbers[number] - mean }, sigma));
                 }
             }
         }
-        let with = |sigma: f64| move |d: Deviation| (d, sigma.max(STIFF));
-        out.extend(self.attitude_deviations(state).into_iter().map(with(self.attitude_sigma_rad)));
-        out.extend(self.stray_deviations(state).into_iter().map(with(STRAY_SIGMA_RAD)));
-        out.extend(self.height_deviations(state).into_iter().map(with(self.height_sigma)));
+        let with = |sigma: f64| move |d: RandomEffect| (d, sigma.max(MIN_PRIOR_SIGMA));
+        out.extend(self.attitude_errors(state).into_iter().map(with(self.attitude_sigma_rad)));
+        out.extend(self.outlier_attitude_errors(state).into_iter().map(with(OUTLIER_ATTITUDE_SIGMA_RAD)));
+        out.extend(self.height_errors(state).into_iter().map(with(self.height_sigma)));
         for (kind, sigma) in DepartureKind::ALL.into_iter().zip(self.departure_sigmas) {
             out.extend(self.departures(state, kind).into_iter().map(with(sigma)));
         }
@@ -284,10 +296,10 @@ impl Problem {
 
     /// Weighted squared residual of each observation of each track (weights of the loss not applied), from the residuals with them.
     pub(crate) fn squared_residuals(&self, residuals: &[Vec<Vector2<f64>>]) -> Vec<Vec<f64>> {
-        let of_track = |(seen, residuals): (&Vec<Seen>, &Vec<Vector2<f64>>)| {
+        let of_track = |(seen, residuals): (&Vec<PreparedObservation>, &Vec<Vector2<f64>>)| {
             seen.iter().zip(residuals).map(|(s, r)| r.norm_squared() / s.robust).collect()
         };
-        self.seen.iter().zip(residuals).map(of_track).collect()
+        self.prepared.iter().zip(residuals).map(of_track).collect()
     }
 
     fn part(&self, cluster: usize, tracks: &[usize], state: &State, views: &Views) -> Option<Part> {
@@ -320,7 +332,7 @@ impl Problem {
         let tangent = tangent_of(q);
         let weight = self.weights[self.kinds[t]];
         let mut squared = 0.0;
-        for (o, (s, places)) in self.seen[t].iter().zip(&c.places).enumerate() {
+        for (o, (s, places)) in self.prepared[t].iter().zip(&c.places).enumerate() {
             let (projector, pose) = views.of(c.images[o]);
             let p = project_with_derivatives(projector, pose, q, s.row)?;
             let w = (weight * s.robust).sqrt();
@@ -362,7 +374,7 @@ impl LeastSquares for Problem {
             let c = &self.clusters[*cluster];
             let mut cost = 0.0;
             for &t in *tracks {
-                for (s, &image) in self.seen[t].iter().zip(&c.images) {
+                for (s, &image) in self.prepared[t].iter().zip(&c.images) {
                     let r = s.whitened(&(views.project(image, &state.points[t], s)? - s.pixel));
                     cost += 0.5 * self.weights[self.kinds[t]] * s.robust * r.norm_squared();
                 }
@@ -382,7 +394,7 @@ impl LeastSquares for Problem {
         let parts: Vec<Option<Part>> =
             self.chunks().par_iter().map(|(c, tracks)| self.part(*c, tracks, state, &views)).collect();
         let parts: Vec<Part> = parts.into_iter().collect::<Option<_>>()?;
-        let mut reduced = Reduced::new(parts, &self.clusters, self.first.clone(), self.seen.len());
+        let mut reduced = Reduced::new(parts, &self.clusters, self.first.clone(), self.prepared.len());
         for (d, sigma) in self.priors(state) {
             reduced.add_prior(d.column, d.sign, d.value, sigma);
         }

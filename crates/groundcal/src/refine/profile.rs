@@ -11,14 +11,14 @@ use crate::{
 };
 
 /// Standard deviation of ln f from which on the shape of the likelihood is looked at.
-const PROFILE_FROM: f64 = 0.01;
+const MIN_PROFILED_SIGMA: f64 = 0.01;
 /// Rise of the cost that belongs to 95 %.
-const RISE: f64 = 1.92;
-/// Deviation of the prior that holds ln f where it is looked at.
-const STIFFNESS: f64 = 1e-8;
+const COST_RISE_95: f64 = 1.92;
+/// Standard deviation of the prior that holds ln f where it is looked at.
+const HELD_SIGMA: f64 = 1e-8;
 /// Step outwards, and how far (in ln f) it goes: f is off by a factor of three.
 const STEP: f64 = 1.3;
-const FARTHEST: f64 = 1.1;
+const MAX_LN_F_CHANGE: f64 = 1.1;
 
 /// How much wider than its linearised error bar the interval of a camera's f is: the cost, minimised over everything else, must
 /// have risen by what belongs to 95 % at the ends (profile likelihood). Only where the bar is wide; 1: the bar holds.
@@ -43,14 +43,14 @@ fn widening_of(
 ) -> f64 {
     let Some(column) = problem.layout.cameras[camera].column(0) else { return 1.0 };
     let sigma = factor.inverse_block(&[column])[(0, 0)].sqrt();
-    if sigma < PROFILE_FROM {
+    if sigma < MIN_PROFILED_SIGMA {
         return 1.0;
     }
     let prior = problem.cameras[camera].prior(0);
     let prior_cost = |ln_f: f64| prior.map_or(0.0, |(mean, s)| 0.5 * ((ln_f - mean) / s).powi(2));
     let cost_at = |from: &State, ln_f: f64| {
         let mut held = problem.clone();
-        held.cameras[camera].matrix_priors[0] = Some((ln_f, STIFFNESS));
+        held.cameras[camera].matrix_priors[0] = Some((ln_f, HELD_SIGMA));
         let mut start = from.clone();
         start.cameras[camera].matrix[0] = ln_f;
         let out = minimise_until(&held, start, lm, observer)?;
@@ -62,9 +62,9 @@ fn widening_of(
         let mut from = state.clone();
         let mut factor = 1.0;
         // Outwards in steps until the cost has risen.
-        while factor * NORMAL_95 * sigma < FARTHEST {
+        while factor * NORMAL_95 * sigma < MAX_LN_F_CHANGE {
             let Some((at, next)) = cost_at(&from, ln_f + side * factor * NORMAL_95 * sigma) else { break };
-            if at - best.cost >= RISE {
+            if at - best.cost >= COST_RISE_95 {
                 break;
             }
             from = next;
@@ -72,6 +72,6 @@ fn widening_of(
         }
         widest = widest.max(factor);
     }
-    // A step of the search is no finding.
+    // A widening by one step is within the resolution of the search.
     if widest <= STEP { 1.0 } else { widest }
 }

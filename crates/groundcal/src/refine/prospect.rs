@@ -13,7 +13,7 @@ use crate::{
     refine::{
         blocks::{BundleOptions, DepartureKind, State},
         evidence::volumes,
-        layout::Ingredients,
+        layout::ProblemInputs,
         problem::Problem,
         tracks::Track,
         variance_components::VarianceComponents,
@@ -31,12 +31,12 @@ pub(crate) struct Explained<'a> {
 /// What the evidence would gain by an alternative; `None` where that is not defined or not determined at this state.
 pub(crate) fn prospect(problem: &Problem, at: Explained<'_>, tracks: &[Track], options: &BundleOptions) -> Option<f64> {
     let state = at.state;
-    let mut other = problem.with(&Ingredients {
+    let mut other = problem.with(&ProblemInputs {
         scene: problem.scene,
         tracks,
         state,
         cameras: &options.cameras,
-        stray_frames: &options.stray_frames,
+        outlier_frames: &options.outlier_frames,
         departures: &options.departures,
         huber: problem.huber,
     });

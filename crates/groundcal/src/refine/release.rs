@@ -1,6 +1,6 @@
 //! Numbers of a lens that are held until the residuals ask for them: a score test ([`Problem::score`]).
 
-use crate::refine::{blocks::MATRIX, layout::Ingredients, problem::Problem, score::Minimum, tracks::Track};
+use crate::refine::{blocks::MATRIX, layout::ProblemInputs, problem::Problem, score::Minimum, tracks::Track};
 
 /// Probability below which what a number would explain is not put down to chance. One camera in a thousand that needs no further
 /// number gets it all the same, with its prior; that costs a little of the error bar and nothing of the truth.
@@ -30,12 +30,12 @@ pub(crate) fn released(problem: &Problem, tracks: &[Track], at: Minimum<'_>) -> 
     let mut cameras = problem.cameras.clone();
     cameras[camera].lens_on_demand.retain(|(number, _)| *number != of_lens);
     cameras[camera].free_lens(of_lens, Some(prior));
-    Some(problem.with(&Ingredients {
+    Some(problem.with(&ProblemInputs {
         scene: problem.scene,
         tracks,
         state,
         cameras: &cameras,
-        stray_frames: &problem.stray_frames,
+        outlier_frames: &problem.outlier_frames,
         departures: &problem.departures_estimated,
         huber: problem.huber,
     }))

@@ -23,7 +23,7 @@ use crate::geometry::{
 };
 use crate::refine::blocks::{
     CameraState, DEPARTURES, Departure, FRAME_POSE, FRAME_YAW, FrameState, GROUP, GroupState, MATRIX,
-    MOST_CAMERA_NUMBERS, RIG_POSE, RigPose, rotation_x, rotation_y,
+    MAX_CAMERA_NUMBERS, RIG_POSE, RigPose, rotation_x, rotation_y,
 };
 
 /// What the points are.
@@ -37,7 +37,7 @@ pub enum SceneModel {
 
 /// The matrices of a camera at a frame, made once for all points.
 #[derive(Debug, Clone)]
-pub struct Pose {
+pub(crate) struct Pose {
     scene: SceneModel,
     /// R A.
     attitude: Matrix3<f64>,
@@ -61,12 +61,12 @@ pub struct Pose {
 
 impl Pose {
     /// Of the rig's first camera at a frame of a group.
-    pub fn new(scene: SceneModel, group: &GroupState, frame: &FrameState) -> Self {
+    pub(crate) fn new(scene: SceneModel, group: &GroupState, frame: &FrameState) -> Self {
         Self::of(scene, group, frame, None)
     }
 
     /// Of a camera of the rig; `None`: the first.
-    pub fn of(scene: SceneModel, group: &GroupState, frame: &FrameState, rig: Option<&RigPose>) -> Self {
+    pub(crate) fn of(scene: SceneModel, group: &GroupState, frame: &FrameState, rig: Option<&RigPose>) -> Self {
         let attitude = rig.map_or(group.attitude, |r| r.rotation * group.attitude);
         let (first, second_tilt) = (rotation_x(frame.delta_rad[0]), rotation_y(frame.delta_rad[1]));
         let half_tilted = attitude * first;
@@ -80,7 +80,7 @@ impl Pose {
     }
 
     /// The pose when a row was read out, from -1 (first) to 1 (last).
-    pub fn at_row(&self, row: f64) -> Cow<'_, Self> {
+    pub(crate) fn at_row(&self, row: f64) -> Cow<'_, Self> {
         let turn_rad = self.departure.row_turn_rad * row;
         if turn_rad == 0.0 {
             return Cow::Borrowed(self);
@@ -91,12 +91,12 @@ impl Pose {
     }
 
     /// Camera coordinates of a point, up to a positive factor in front.
-    pub fn camera_point(&self, q: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn camera_point(&self, q: &Vector3<f64>) -> Vector3<f64> {
         self.matrix * q
     }
 
     /// The point (unit length) seen along a ray given in camera coordinates.
-    pub fn back_project(&self, ray: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn back_project(&self, ray: &Vector3<f64>) -> Vector3<f64> {
         let w = self.rotation.transpose() * ray;
         let q = match self.scene {
             SceneModel::Directions => w,
@@ -110,7 +110,7 @@ impl Pose {
     }
 
     /// Optical centre: x, y, height.
-    pub fn centre(&self) -> Vector3<f64> {
+    pub(crate) fn centre(&self) -> Vector3<f64> {
         match (self.translation, self.scene) {
             (Some(t), SceneModel::Floor) => self.centre - self.rotation.tr_mul(&t),
             _ => self.centre,
@@ -137,7 +137,7 @@ fn camera_from_scene(
 
 /// The lens and the camera matrix of a camera, ready for projecting.
 #[derive(Debug, Clone, Copy)]
-pub struct Projector {
+pub(crate) struct Projector {
     linear: Matrix2<f64>,
     centre: Vector2<f64>,
     lens: Lens,
@@ -145,7 +145,7 @@ pub struct Projector {
 
 impl Projector {
     /// Of a camera.
-    pub fn new(camera: &CameraState) -> Self {
+    pub(crate) fn new(camera: &CameraState) -> Self {
         let k = camera.intrinsics_in_frame();
         Self { linear: Matrix2::new(k.fx, k.skew, 0.0, k.fy), centre: Vector2::new(k.cx, k.cy), lens: camera.lens }
     }
@@ -164,22 +164,22 @@ impl Projector {
     }
 
     /// The pixel of a point, seen in this row (see [`Pose::at_row`]) of the picture of a frame; `None` where the lens shows none.
-    pub fn project_from(&self, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Vector2<f64>> {
+    pub(crate) fn project_from(&self, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Vector2<f64>> {
         self.departing(&pose.departure).project(&pose.at_row(row).camera_point(q))
     }
 
     /// The point (unit length) that a pixel of a frame's picture shows, in this row.
-    pub fn point_of(&self, pose: &Pose, pixel: &Vector2<f64>, row: f64) -> Option<Vector3<f64>> {
+    pub(crate) fn point_of(&self, pose: &Pose, pixel: &Vector2<f64>, row: f64) -> Option<Vector3<f64>> {
         Some(pose.at_row(row).back_project(&self.departing(&pose.departure).ray(pixel)?))
     }
 
     /// The pixel of a point in camera coordinates; `None` where the lens shows none.
-    pub fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn project(&self, x: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.lens.project(x).map(|d| self.pixel(&d))
     }
 
     /// The ray (unit length) of a pixel in camera coordinates.
-    pub fn ray(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
+    pub(crate) fn ray(&self, pixel: &Vector2<f64>) -> Option<Vector3<f64>> {
         let m = &self.linear;
         let y = (pixel.y - self.centre.y) / m[(1, 1)];
         self.lens.unproject(&Vector2::new((pixel.x - self.centre.x - m[(0, 1)] * y) / m[(0, 0)], y))
@@ -187,11 +187,11 @@ impl Projector {
 }
 
 /// A pixel (units of the camera's frame) with its derivatives by each block.
-pub struct Projection {
+pub(crate) struct Projection {
     /// Where the point is seen.
     pub pixel: Vector2<f64>,
     /// By the camera; columns beyond its numbers are zero.
-    pub by_camera: SMatrix<f64, 2, MOST_CAMERA_NUMBERS>,
+    pub by_camera: SMatrix<f64, 2, MAX_CAMERA_NUMBERS>,
     /// By the group.
     pub by_group: SMatrix<f64, 2, GROUP>,
     /// By the frame's pose.
@@ -212,7 +212,7 @@ pub struct Projection {
 
 impl Projection {
     /// By the pose in the rig of a camera that is not the first.
-    pub fn by_rig(&self) -> SMatrix<f64, 2, RIG_POSE> {
+    pub(crate) fn by_rig(&self) -> SMatrix<f64, 2, RIG_POSE> {
         let (g, turned) = (&self.by_camera_point, &self.turned);
         let mut j = SMatrix::<f64, 2, RIG_POSE>::zeros();
         j.set_column(0, &(g * Vector3::new(0.0, -turned.z, turned.y)));
@@ -223,7 +223,7 @@ impl Projection {
     }
 
     /// By the departures of the frame's picture, of a point seen in this row.
-    pub fn by_departures(&self, row: f64) -> SMatrix<f64, 2, DEPARTURES> {
+    pub(crate) fn by_departures(&self, row: f64) -> SMatrix<f64, 2, DEPARTURES> {
         let mut j = SMatrix::<f64, 2, DEPARTURES>::zeros();
         j.set_column(0, &self.from_centre);
         j.set_column(1, &(self.by_frame.column(FRAME_YAW) * row));
@@ -234,7 +234,12 @@ impl Projection {
 
 /// Projects a point, seen in a row (see [`Pose::at_row`]), with all derivatives; `None` where the lens shows none.
 #[inline]
-pub fn project_with_derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>, row: f64) -> Option<Projection> {
+pub(crate) fn project_with_derivatives(
+    projector: &Projector,
+    pose: &Pose,
+    q: &Vector3<f64>,
+    row: f64,
+) -> Option<Projection> {
     // Most pictures do not depart: what is looked at in every iteration is copied for those alone that do.
     if pose.departure == Departure::default() {
         return derivatives(projector, pose, q);
@@ -267,8 +272,8 @@ fn derivatives(projector: &Projector, pose: &Pose, q: &Vector3<f64>) -> Option<P
 }
 
 #[inline(always)]
-fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatrix<f64, 2, MOST_CAMERA_NUMBERS> {
-    let mut j = SMatrix::<f64, 2, MOST_CAMERA_NUMBERS>::zeros();
+fn by_camera(linear: &Matrix2<f64>, scale: f64, seen: &LensProjection) -> SMatrix<f64, 2, MAX_CAMERA_NUMBERS> {
+    let mut j = SMatrix::<f64, 2, MAX_CAMERA_NUMBERS>::zeros();
     let d = &seen.point;
     let fy_part = linear[(1, 1)] * d.y;
     // ln fx moves fy too; both move the pixel in proportion, the skew apart.
@@ -310,7 +315,7 @@ fn by_poses(
 }
 
 /// Two orthonormal directions across a unit vector.
-pub fn tangent_of(q: &Vector3<f64>) -> [Vector3<f64>; 2] {
+pub(crate) fn tangent_of(q: &Vector3<f64>) -> [Vector3<f64>; 2] {
     let sign = if q.z >= 0.0 { 1.0 } else { -1.0 };
     // Duff et al. 2017, "Building an orthonormal basis, revisited".
     let a = -1.0 / (sign + q.z);

@@ -14,12 +14,12 @@ const CELLS: usize = 4;
 const CELL_COUNT: usize = 3;
 /// Probability below which what they have in common is not put down to chance.
 const DESIGN_EFFECT_P: f64 = 0.01;
-/// Relative error of the variance of the residuals at which the weights rest, and the same of what neighbours have in common.
-const VARIANCE_RESTS: f64 = 0.005;
-const EFFECT_RESTS: f64 = 0.05;
-/// Most rounds in which the weights of the loss follow the variance for given residuals, and the relative change at which it rests.
-const SETTLING_ROUNDS: usize = 100;
-const SETTLED: f64 = 1e-9;
+/// Relative error of the variance of the residuals at which the weights have converged, and the same of what neighbours have in common.
+const VARIANCE_TOLERANCE: f64 = 0.005;
+const DESIGN_EFFECT_TOLERANCE: f64 = 0.05;
+/// Most rounds in which the weights of the loss follow the variance for given residuals, and the relative change at which it has converged.
+const MAX_WEIGHT_ROUNDS: usize = 100;
+const WEIGHT_TOLERANCE: f64 = 1e-9;
 
 /// A kind of measurement and two images (frame and camera) that share points.
 type PairOfKind = (usize, [(usize, usize); 2]);
@@ -35,7 +35,7 @@ struct Cell {
 
 /// What the residuals say of their weights.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Weighing {
+pub(crate) struct WeightEstimate {
     /// Variance of single residuals in units of what the weights in force take it for.
     pub(crate) white: [f64; KINDS],
     /// How much more neighbours have in common than independent residuals would.
@@ -46,7 +46,7 @@ pub(crate) struct Weighing {
     pub(crate) of_kinds: [f64; KINDS],
 }
 
-impl Weighing {
+impl WeightEstimate {
     /// From the residuals of a solution, the weights in force allowing for `effects_in_force`.
     pub(crate) fn new(
         problem: &Problem,
@@ -67,9 +67,9 @@ impl Weighing {
         }
     }
 
-    /// The variance of single residuals of each kind, in the units of [`Self::white`], at which the weights of the loss would rest, the residuals
+    /// The variance of single residuals of each kind, in the units of [`Self::white`], at which the weights of the loss would converge, the residuals
     /// being as they are. The rounds stop before: half a per cent of ten thousand residuals is 50 of twice a logarithm of evidence.
-    pub(crate) fn settled(
+    pub(crate) fn at_fixed_point(
         &self,
         problem: &Problem,
         squared_residuals: &[Vec<f64>],
@@ -83,14 +83,14 @@ impl Weighing {
         };
         let in_force = problem.weighted_sums_in_force(squared_residuals);
         let mut variances = self.white;
-        for _ in 0..SETTLING_ROUNDS {
+        for _ in 0..MAX_WEIGHT_ROUNDS {
             let now = sums(variances);
             // The degrees of freedom are those that led from the sums in force to the variances in force.
             let next =
                 std::array::from_fn(|k| if in_force[k] > 0.0 { self.white[k] * now[k] / in_force[k] } else { 1.0 });
             let moved = (0..KINDS).map(|k| (next[k] / variances[k] - 1.0).abs()).fold(0.0, f64::max);
             variances = next;
-            if moved < SETTLED {
+            if moved < WEIGHT_TOLERANCE {
                 break;
             }
         }
@@ -98,10 +98,10 @@ impl Weighing {
     }
 
     /// Whether the weights in force need no change.
-    pub(crate) fn rests(&self, effects_in_force: [f64; KINDS]) -> bool {
+    pub(crate) fn has_converged(&self, effects_in_force: [f64; KINDS]) -> bool {
         (0..KINDS).all(|k| {
-            (self.white[k] - 1.0).abs() < VARIANCE_RESTS
-                && (self.effects[k] / effects_in_force[k]).ln().abs() < EFFECT_RESTS
+            (self.white[k] - 1.0).abs() < VARIANCE_TOLERANCE
+                && (self.effects[k] / effects_in_force[k]).ln().abs() < DESIGN_EFFECT_TOLERANCE
         })
     }
 
@@ -119,7 +119,7 @@ impl Problem {
     /// Degrees of freedom of each kind before cameras and frames are counted: two an observation less two a track.
     fn redundancies(&self) -> [usize; KINDS] {
         let mut out = [0; KINDS];
-        for (seen, &kind) in self.seen.iter().zip(&self.kinds) {
+        for (seen, &kind) in self.prepared.iter().zip(&self.kinds) {
             out[kind] += 2 * (seen.len() - 1);
         }
         out
@@ -160,7 +160,7 @@ impl Problem {
             let share = (c.images.len() as f64 - 1.0) / c.images.len() as f64;
             for &t in &c.tracks {
                 let kind = self.kinds[t];
-                for ((s, r), &image) in self.seen[t].iter().zip(&residuals[t]).zip(&c.images).skip(1) {
+                for ((s, r), &image) in self.prepared[t].iter().zip(&residuals[t]).zip(&c.images).skip(1) {
                     let half_sides = self.cameras[image.1].image_half_sides;
                     let place =
                         |x: f64, half: f64| ((0.5 * (x / half + 1.0) * CELLS as f64).max(0.0) as usize).min(CELLS - 1);
@@ -206,7 +206,7 @@ impl Problem {
     /// `scales` multiplies the residuals of each kind beforehand.
     fn reweight(&mut self, squared_residuals: &[Vec<f64>], scales: [f64; KINDS]) {
         let huber = self.huber;
-        for ((seen, residuals), &kind) in self.seen.iter_mut().zip(squared_residuals).zip(&self.kinds) {
+        for ((seen, residuals), &kind) in self.prepared.iter_mut().zip(squared_residuals).zip(&self.kinds) {
             let limit = huber_limit(huber, seen.len());
             for (s, r) in seen.iter_mut().zip(residuals) {
                 let r = r * scales[kind];
@@ -218,7 +218,7 @@ impl Problem {
     /// Sums of the squared residuals of each kind with the weights in force.
     fn weighted_sums_in_force(&self, squared_residuals: &[Vec<f64>]) -> [f64; KINDS] {
         let mut sums = [0.0; KINDS];
-        for ((seen, residuals), &kind) in self.seen.iter().zip(squared_residuals).zip(&self.kinds) {
+        for ((seen, residuals), &kind) in self.prepared.iter().zip(squared_residuals).zip(&self.kinds) {
             sums[kind] += seen.iter().zip(residuals).map(|(s, r)| s.robust * r).sum::<f64>();
         }
         sums
@@ -227,7 +227,7 @@ impl Problem {
     /// The same with the weights that are said of a kind, Huber's limit there, and a squared residual.
     fn weighted_sums(&self, squared_residuals: &[Vec<f64>], weight: impl Fn(usize, f64, f64) -> f64) -> [f64; KINDS] {
         let mut sums = [0.0; KINDS];
-        for ((seen, residuals), &kind) in self.seen.iter().zip(squared_residuals).zip(&self.kinds) {
+        for ((seen, residuals), &kind) in self.prepared.iter().zip(squared_residuals).zip(&self.kinds) {
             let limit = huber_limit(self.huber, seen.len());
             sums[kind] += residuals.iter().map(|&r| weight(kind, limit, r) * r).sum::<f64>();
         }

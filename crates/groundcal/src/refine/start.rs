@@ -16,12 +16,12 @@ use crate::{
         homography::Homography,
         intrinsics::Intrinsics,
     },
-    numerics::graph::{Reached, spanning_forest},
+    numerics::graph::{TreeNode, spanning_forest},
 };
 
 /// A pair of views joined by a homography of the floor (or of directions) between ideal pixels.
 #[derive(Debug, Clone)]
-pub struct Link {
+pub(crate) struct Link {
     /// Index of the first view.
     pub from: usize,
     /// Index of the second view.
@@ -40,7 +40,7 @@ impl Link {
 }
 
 /// Views in the order in which the links lead to them, those of most matches first; indices are those of `links`.
-fn along_best(count: usize, links: &[Link]) -> Vec<Reached> {
+fn along_best(count: usize, links: &[Link]) -> Vec<TreeNode> {
     let mut order: Vec<usize> = (0..links.len()).collect();
     order.sort_by_key(|&l| std::cmp::Reverse(links[l].matches));
     let edges: Vec<(usize, usize)> = order.iter().map(|&l| (links[l].from, links[l].to)).collect();
@@ -52,7 +52,7 @@ fn along_best(count: usize, links: &[Link]) -> Vec<Reached> {
 }
 
 /// The state: `attitudes` of the groups, `group_of_view` of the views. `None` when a link's homography fits no camera.
-pub fn state_from_links(
+pub(crate) fn state_from_links(
     scene: SceneModel,
     camera: CameraState,
     k_px: &Intrinsics,
@@ -66,7 +66,7 @@ pub fn state_from_links(
     let mut poses: Vec<Option<(Matrix3<f64>, Vector3<f64>)>> = vec![None; count];
     let (k, k_inverse) = (k_px.matrix(), k_px.inverse_matrix());
     for reached in along_best(count, links) {
-        let Reached { node, by: Some((link, known)) } = reached else {
+        let TreeNode { node, by: Some((link, known)) } = reached else {
             poses[reached.node] = Some((attitudes[group_of_view[reached.node]], Vector3::z()));
             continue;
         };
@@ -172,7 +172,7 @@ fn stretch(floor: &Matrix3<f64>) -> f64 {
 /// How far a homography between two views is from one of the floor that both have a known attitude to: the sine of the angle
 /// between the normal it gives the second view and the known one, and by how much it stretches the floor. `None` when it fits no
 /// camera. `m` is K⁻¹ H K, `attitudes` level to camera rotations.
-pub fn floor_deviation(m: &Matrix3<f64>, attitudes: [&Matrix3<f64>; 2]) -> Option<f64> {
+pub(crate) fn floor_misfit(m: &Matrix3<f64>, attitudes: [&Matrix3<f64>; 2]) -> Option<f64> {
     let [a, b] = attitudes;
     let floor = m * floor_of(a);
     let (rotation, _) = pose_from_floor(&floor)?;
@@ -199,7 +199,7 @@ fn pose_from_floor(m: &Matrix3<f64>) -> Option<(Matrix3<f64>, Vector3<f64>)> {
 
 /// Rotations of cameras that turn on the spot, from those of the first: camera from world coordinates, along the best links.
 /// `None` when the links do not connect all of them.
-pub fn rotations_from_links(
+pub(crate) fn rotations_from_links(
     first: Matrix3<f64>,
     count: usize,
     k_px: &Intrinsics,
@@ -208,7 +208,7 @@ pub fn rotations_from_links(
     let (k, k_inverse) = (k_px.matrix(), k_px.inverse_matrix());
     let mut rotations = vec![None; count];
     *rotations.first_mut()? = Some(first);
-    for Reached { node, by } in along_best(count, links).into_iter().skip(1) {
+    for TreeNode { node, by } in along_best(count, links).into_iter().skip(1) {
         // What no link leads to belongs to no turn of this camera.
         let (link, known) = by?;
         let turn = nearest_rotation(&(k_inverse * links[link].to_other_end(known).matrix() * k))?;

@@ -38,7 +38,7 @@ pub enum Kind {
 }
 
 /// Number of kinds.
-pub const KINDS: usize = 2;
+pub(crate) const KINDS: usize = 2;
 
 /// A point and where it is seen: each frame and camera once, in ascending order.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +51,7 @@ pub struct Track {
 
 /// Joins matches that share a point of an image (the very same coordinates). A match that would put a second point of one
 /// image into a track starts one of its own. The order of the matches decides the order of the tracks.
-pub fn join_matches(kind: Kind, matches: &[[Observation; 2]]) -> Vec<Track> {
+pub(crate) fn join_matches(kind: Kind, matches: &[[Observation; 2]]) -> Vec<Track> {
     let key = |o: &Observation| (o.image(), o.pixel.x.to_bits(), o.pixel.y.to_bits());
     // A track under construction: observations, and how many matches speak for each.
     let mut tracks: Vec<Vec<(Observation, f64)>> = Vec::new();

@@ -1,4 +1,4 @@
-//! Variance components: how far attitudes and heights of frames stray from those of their groups, by restricted likelihood.
+//! Variance components: how far attitudes and heights of frames vary from those of their groups, by restricted likelihood.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -10,7 +10,7 @@ use crate::{
     },
     refine::{
         blocks::{BundleOptions, DepartureKind, State},
-        problem::{Deviation, Problem, STIFF},
+        problem::{MIN_PRIOR_SIGMA, Problem, RandomEffect},
     },
 };
 
@@ -35,16 +35,16 @@ fn attitude_prior(scale: f64) -> VarianceComponent {
 const DEPARTURE_PRIOR: VarianceComponent = VarianceComponent { scale: 2e-3, below: 30.0, above: 100.0 };
 /// Directions in which the data must see a variance component before they decide it.
 const MIN_DIRECTIONS: usize = 4;
-/// Relative change at which a component rests.
-const RESTS: f64 = 0.05;
+/// Relative change at which a component has converged.
+const RELATIVE_TOLERANCE: f64 = 0.05;
 /// Largest σ_a with which motions are about the plane's normal: 2.5 degrees. A tripod has 0.01, a trolley that rocks one or two, a hand three
 /// and more. (Of 740 answers of the bench with less 39 were wrong by more than 4 deviations, of 47 with more 10.)
-pub(crate) const LARGEST_ATTITUDE_SIGMA_RAD: f64 = 0.0436;
+pub(crate) const MAX_ATTITUDE_SIGMA_RAD: f64 = 0.0436;
 /// Probability below which the attitudes' disagreement is not put down to chance.
-pub const DISAGREEMENT_P: f64 = 0.01;
+pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 
 /// By how much the variances grow because the attitudes disagree with a σ_a that was given.
-pub fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {
+pub(crate) fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {
     if chi_squared_survival(chi_squared, degrees_of_freedom) < DISAGREEMENT_P {
         chi_squared / degrees_of_freedom as f64
     } else {
@@ -61,9 +61,9 @@ pub(crate) struct VarianceComponents {
     pub(crate) height: Component,
     /// Of each kind of departure.
     pub(crate) departures: [Component; DepartureKind::ALL.len()],
-    /// Chi-squared of the attitudes' deviations under the σ_a in force, and its degrees of freedom.
+    /// Chi-squared of the attitude errors under the σ_a in force, and its degrees of freedom.
     pub(crate) agreement: (f64, usize),
-    /// The same under the largest σ_a with which a motion is about the plane's normal, [`LARGEST_ATTITUDE_SIGMA_RAD`].
+    /// The same under the largest σ_a with which a motion is about the plane's normal, [`MAX_ATTITUDE_SIGMA_RAD`].
     pub(crate) agreement_at_most: (f64, usize),
     /// Logarithm of the evidence of those that are estimated over the likelihood of those in force.
     pub(crate) log_evidence: f64,
@@ -95,10 +95,10 @@ impl VarianceComponents {
         options: &BundleOptions,
     ) -> Self {
         let mut next = *self;
-        let attitudes = Deviations::new(&problem.attitude_deviations(state), factor, self.attitude.sigma);
-        let heights = Deviations::new(&problem.height_deviations(state), factor, self.height.sigma);
+        let attitudes = RandomEffects::new(&problem.attitude_errors(state), factor, self.attitude.sigma);
+        let heights = RandomEffects::new(&problem.height_errors(state), factor, self.height.sigma);
         next.agreement = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(self.attitude.sigma));
-        next.agreement_at_most = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(LARGEST_ATTITUDE_SIGMA_RAD));
+        next.agreement_at_most = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(MAX_ATTITUDE_SIGMA_RAD));
         next.log_evidence = 0.0;
         if options.attitude_sigma_rad.is_none()
             && let Some(d) = &attitudes
@@ -113,7 +113,7 @@ impl VarianceComponents {
             next.log_evidence += d.log_evidence(&HEIGHT_PRIOR, self.height.sigma);
         }
         for (k, kind) in DepartureKind::ALL.into_iter().enumerate() {
-            let of_kind = Deviations::new(&problem.departures(state, kind), factor, self.departures[k].sigma);
+            let of_kind = RandomEffects::new(&problem.departures(state, kind), factor, self.departures[k].sigma);
             if let Some(d) = &of_kind {
                 next.departures[k].sigma = DEPARTURE_PRIOR.posterior(|s| d.log_likelihood(s));
                 next.log_evidence += d.log_evidence(&DEPARTURE_PRIOR, self.departures[k].sigma);
@@ -123,34 +123,34 @@ impl VarianceComponents {
     }
 
     /// Whether they are hardly other than those in force. Those given do not move.
-    pub(crate) fn rest(&self, in_force: &Self) -> bool {
-        let rests = |a: &Component, b: &Component| a.sigma == b.sigma || (a.sigma / b.sigma).ln().abs() < RESTS;
-        let departures = self.departures.iter().zip(&in_force.departures).all(|(a, b)| rests(a, b));
-        rests(&self.attitude, &in_force.attitude) && rests(&self.height, &in_force.height) && departures
+    pub(crate) fn has_converged(&self, in_force: &Self) -> bool {
+        let converged =
+            |a: &Component, b: &Component| a.sigma == b.sigma || (a.sigma / b.sigma).ln().abs() < RELATIVE_TOLERANCE;
+        let departures = self.departures.iter().zip(&in_force.departures).all(|(a, b)| converged(a, b));
+        converged(&self.attitude, &in_force.attitude) && converged(&self.height, &in_force.height) && departures
     }
 }
 
-/// Deviations with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,
+/// Random effects with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,
 /// and Q times their best values.
-struct Deviations {
+struct RandomEffects {
     eigenvalues: DVector<f64>,
     /// Components of Q δ* along the eigenvectors.
     right: DVector<f64>,
 }
 
-impl Deviations {
+impl RandomEffects {
     /// From a solution under a prior of deviation `sigma`.
-    fn new(deviations: &[Deviation], factor: &SkylineCholesky, sigma: f64) -> Option<Self> {
-        if deviations.is_empty() {
+    fn new(effects: &[RandomEffect], factor: &SkylineCholesky, sigma: f64) -> Option<Self> {
+        if effects.is_empty() {
             return None;
         }
-        let columns: Vec<usize> = deviations.iter().map(|d| d.column).collect();
+        let columns: Vec<usize> = effects.iter().map(|d| d.column).collect();
         let block = factor.inverse_block(&columns);
-        let covariance = DMatrix::from_fn(block.nrows(), block.ncols(), |r, c| {
-            deviations[r].sign * deviations[c].sign * block[(r, c)]
-        });
-        let mean = DVector::from_iterator(deviations.len(), deviations.iter().map(|d| d.value));
-        let prior = 1.0 / sigma.max(STIFF).powi(2);
+        let covariance =
+            DMatrix::from_fn(block.nrows(), block.ncols(), |r, c| effects[r].sign * effects[c].sign * block[(r, c)]);
+        let mean = DVector::from_iterator(effects.len(), effects.iter().map(|d| d.value));
+        let prior = 1.0 / sigma.max(MIN_PRIOR_SIGMA).powi(2);
         let posterior = inverse_spd(&covariance)?;
         let information = &posterior - DMatrix::from_diagonal_element(mean.len(), mean.len(), prior);
         let (values, vectors) = symmetric_eigen(&((&information + information.transpose()) * 0.5))?;
@@ -162,7 +162,7 @@ impl Deviations {
         })
     }
 
-    /// Logarithm of the likelihood of a deviation, all else being profiled out.
+    /// Logarithm of the likelihood of a standard deviation, all else being profiled out.
     fn log_likelihood(&self, sigma: f64) -> f64 {
         let variance = sigma * sigma;
         self.eigenvalues
@@ -173,7 +173,7 @@ impl Deviations {
             .sum()
     }
 
-    /// Chi-squared of the deviations for a given variance, and its degrees of freedom.
+    /// Chi-squared of the effects for a given variance, and its degrees of freedom.
     fn agreement(&self, sigma: f64) -> (f64, usize) {
         // A direction known to no better than 20 degrees says nothing.
         let seen = self.eigenvalues.iter().zip(self.right.iter()).filter(|(l, _)| **l > 8.0);
@@ -191,7 +191,7 @@ impl Deviations {
         if seen >= MIN_DIRECTIONS {
             return Component { sigma: told(), estimated: true };
         }
-        // Few directions, or vague ones, do not make the deviation smaller than stated, but they may make it larger.
+        // Few directions, or ones of little information, do not make the deviation smaller than stated, but they may make it larger.
         let (_, directions) = self.agreement(scale);
         let sigma = if directions > 0 { told().max(scale) } else { scale };
         Component { sigma, estimated: sigma > scale }

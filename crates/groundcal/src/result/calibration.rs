@@ -23,11 +23,11 @@ use crate::{
 };
 
 /// The version of [`Calibration::schema_version`] that is written; older ones are read.
-pub const SCHEMA_VERSION: u32 = 5;
-/// The version of [`Calibration::format_version`] that is written and read.
-pub const FORMAT_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 6;
+/// The version of [`Calibration::format_version`] that is written; older ones are read.
+pub const FORMAT_VERSION: u32 = 2;
 /// How far a camera on a robot, a tripod or a head pitches and rolls by itself, in degrees, where nothing is said of it.
-pub const ATTITUDE_SIGMA_DEG: f64 = 0.1;
+pub(crate) const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 
 fn first_version() -> u32 {
     1

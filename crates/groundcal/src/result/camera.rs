@@ -30,7 +30,7 @@ pub enum Method {
 
 impl Method {
     /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Method::Linear => "linear",
             Method::Kzr => "kzr",
@@ -205,7 +205,7 @@ pub struct PriorConflict {
 
 impl PriorConflict {
     /// Standard deviations, of both together, between the prior and what the images say.
-    pub fn deviations(&self) -> f64 {
+    pub(crate) fn standardised_distance(&self) -> f64 {
         (self.found - self.mean).abs() / self.sigma.hypot(self.found_sigma)
     }
 }

@@ -84,7 +84,7 @@ pub struct StandardDeviation {
 
 impl StandardDeviation {
     /// That of a parameter.
-    pub fn get(&self, p: Parameter) -> Option<f64> {
+    pub(crate) fn get(&self, p: Parameter) -> Option<f64> {
         match p {
             Parameter::Fx => self.fx,
             Parameter::Fy => self.fy,

@@ -15,15 +15,15 @@ use crate::{
 };
 
 /// Views of a motion further apart than this, and than so many times what is usual, have tilted against each other.
-const LEAST_APART_DEG: f64 = 0.2;
-const MANY_TIMES: f64 = 5.0;
+const MIN_RELATIVE_TILT_DEG: f64 = 0.2;
+const TILT_RATIO: f64 = 5.0;
 /// A motion that fits the camera of all so many times worse than a homography, and by so many pixels, does not fit it.
-const MISFIT: f64 = 4.0;
-const LEAST_MISFIT_PX: f64 = 0.1;
+const MISFIT_RATIO: f64 = 4.0;
+const MIN_MISFIT_PX: f64 = 0.1;
 
 /// Of each of the calibration's motions; `None` for those that take no part. From its views and its evidence: without evidence (of a
 /// calibration that was read from a file) what [`MotionReport::diagnosis`] says of the residuals is kept.
-pub fn motions(c: &Calibration) -> Vec<Option<MotionDiagnosis>> {
+pub(crate) fn motions(c: &Calibration) -> Vec<Option<MotionDiagnosis>> {
     let numbers: Vec<(Option<f64>, Option<f64>)> =
         c.motions.iter().enumerate().map(|(i, m)| (joint_rms_px(c, i), apart_deg(c, m))).collect();
     let used = || (0..numbers.len()).filter(|&i| c.motions[i].used);
@@ -40,13 +40,13 @@ pub fn motions(c: &Calibration) -> Vec<Option<MotionDiagnosis>> {
 fn verdict(own: Option<f64>, joint: Option<f64>, apart: Option<f64>, mut others: Vec<f64>) -> MotionVerdict {
     if let Some(apart_deg) = apart {
         let usual_deg = if others.is_empty() { 0.0 } else { median(&mut others) };
-        if apart_deg > LEAST_APART_DEG && apart_deg > MANY_TIMES * usual_deg {
+        if apart_deg > MIN_RELATIVE_TILT_DEG && apart_deg > TILT_RATIO * usual_deg {
             return MotionVerdict::Tilts { apart_deg, usual_deg };
         }
     }
     match (own, joint) {
         (Some(own_rms_px), Some(joint_rms_px))
-            if joint_rms_px > MISFIT * own_rms_px && joint_rms_px > LEAST_MISFIT_PX =>
+            if joint_rms_px > MISFIT_RATIO * own_rms_px && joint_rms_px > MIN_MISFIT_PX =>
         {
             MotionVerdict::OffCamera { joint_rms_px, own_rms_px }
         }

@@ -64,7 +64,7 @@ pub struct ObservationEvidence {
     /// Measured less predicted, pixels.
     pub residual_px: [f64; 2],
     /// Length of the residual in standard deviations of a residual (each of the two coordinates has one).
-    pub deviations: f64,
+    pub standardised_residual: f64,
     /// Whether it counted less because its residual is too large for its noise.
     pub downweighted: bool,
 }

@@ -62,7 +62,8 @@ pub struct Refinement {
     /// Features, or points from elsewhere.
     pub points: Option<ResidualReport>,
     /// Pairs of images of different attitudes that take part because both see the same floor.
-    pub ties: usize,
+    #[serde(alias = "ties")]
+    pub cross_attitude_links: usize,
     /// Levenberg-Marquardt steps.
     pub iterations: usize,
     /// Whether the last loop ended by itself.

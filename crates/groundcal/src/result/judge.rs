@@ -18,16 +18,16 @@ use crate::{
 
 /// Variance of the residuals, in units of the matching noise, outside of which they are no noise of that size. (Of 198 well-specified
 /// scenes of points it lies in 0.93 to 1.22, of rendered pictures up to 1.95, of a real panorama that is right to 0.05 % it is 4.4.)
-const VARIANCE: std::ops::Range<f64> = 0.7..5.0;
+const VARIANCE_RANGE: std::ops::Range<f64> = 0.7..5.0;
 /// Probability at which a variance below that is not put down to few residuals.
-const CHANCE: f64 = 1e-3;
+const CHANCE_P: f64 = 1e-3;
 /// Residuals that are smaller than the noise of the matches.
 const RESIDUALS_BELOW_NOISE: &str = "residuals_below_noise";
 /// Largest design effect of the residuals over a floor. (1 of 180 well-specified scenes is beyond, 18 of 101 wrong answers are.)
-const DESIGN_EFFECT: f64 = 2.6;
+const MAX_DESIGN_EFFECT: f64 = 2.6;
 /// The same where views moved in any way: a point is seen in many views, and what is not flat, or what patches of one picture have in common, comes
 /// back in all of them. (Of 7 real boards and 2 rendered floors, all right within 1.5 deviations, it is 1.7 to 4.8.)
-const GENERAL_DESIGN_EFFECT: f64 = 5.0;
+const MAX_GENERAL_DESIGN_EFFECT: f64 = 5.0;
 
 /// On a calibration, from its warnings and residuals. `on_the_spot`: somebody vouches that a camera taken to turn on the spot did.
 pub fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
@@ -48,7 +48,7 @@ pub fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
     }
     match &c.fit.refinement {
         Some(r) => {
-            let kinds = [(&r.patches, r.ties > 0), (&r.points, false)];
+            let kinds = [(&r.patches, r.cross_attitude_links > 0), (&r.points, false)];
             for (residuals, linked) in kinds.into_iter().filter_map(|(r, linked)| Some((r.as_ref()?, linked))) {
                 let share = residuals.observations as f64 / r.observations.max(1) as f64;
                 let usual = usual_design_effect(c, linked);
@@ -95,9 +95,9 @@ pub(crate) fn one_account_at_most(c: &Calibration) -> Result<(), Error> {
     }
     // Of a camera that turns on the spot the pictures' own turns are free, and neighbours move together by parallax.
     if c.scene == Some(Scene::Floor) {
-        let strays = c.warnings.iter().filter(|w| matches!(w, Warning::MotionStrays { .. })).count();
-        if strays > 0 {
-            others.push(format!("{strays} of the motions stray from the others"));
+        let inconsistent = c.warnings.iter().filter(|w| matches!(w, Warning::MotionAttitudeError { .. })).count();
+        if inconsistent > 0 {
+            others.push(format!("{inconsistent} of the motions have attitude errors that the others do not explain"));
         }
         let left_out = c.warnings.iter().filter(|w| matches!(w, Warning::MotionLeftOut { .. })).count();
         if left_out > 0 {
@@ -153,7 +153,7 @@ pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
     match warning {
         Warning::PicturesDepart { .. }
         | Warning::PriorContradicted(_)
-        | Warning::MotionStrays { .. }
+        | Warning::MotionAttitudeError { .. }
         | Warning::MotionLeftOut { .. }
         | Warning::MotionsDisagree { .. }
         | Warning::NotRotations { .. }
@@ -175,7 +175,7 @@ pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
         | Warning::DuplicateImages { .. }
         | Warning::FisheyeLens { .. }
         | Warning::NeighboursOnly { .. }
-        | Warning::LargeStrays { .. }
+        | Warning::LargeAttitudeErrors { .. }
         | Warning::Other { .. } => None,
     }
 }
@@ -184,9 +184,9 @@ pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
 /// too (`linked`) are seen as those of views that moved in any way.
 fn usual_design_effect(c: &Calibration, linked: bool) -> Option<f64> {
     match (c.scene, c.motion) {
-        (Some(Scene::Floor), Some(MotionKind::General)) => Some(GENERAL_DESIGN_EFFECT),
-        (Some(Scene::Floor), _) if linked => Some(GENERAL_DESIGN_EFFECT),
-        (Some(Scene::Floor), _) => Some(DESIGN_EFFECT),
+        (Some(Scene::Floor), Some(MotionKind::General)) => Some(MAX_GENERAL_DESIGN_EFFECT),
+        (Some(Scene::Floor), _) if linked => Some(MAX_GENERAL_DESIGN_EFFECT),
+        (Some(Scene::Floor), _) => Some(MAX_DESIGN_EFFECT),
         _ => None,
     }
 }
@@ -198,7 +198,7 @@ fn of_residuals(r: &ResidualReport, degrees_of_freedom: f64, usual_effect: Optio
     // Neighbours that have something in common are fewer than they look.
     let independent = (degrees_of_freedom / r.design_effect.max(1.0)).round().max(1.0);
     let below_by_chance = 1.0 - chi_squared_survival(variance * independent, independent as usize);
-    if variance < VARIANCE.start && below_by_chance < CHANCE {
+    if variance < VARIANCE_RANGE.start && below_by_chance < CHANCE_P {
         out.push((
             RESIDUALS_BELOW_NOISE,
             format!(
@@ -208,7 +208,7 @@ fn of_residuals(r: &ResidualReport, degrees_of_freedom: f64, usual_effect: Optio
             ),
         ));
     }
-    if variance > VARIANCE.end {
+    if variance > VARIANCE_RANGE.end {
         out.push((
             "residuals_above_noise",
             format!(
@@ -260,13 +260,13 @@ mod tests {
             let found = of_residuals(&residuals, degrees_of_freedom, usual);
             found.into_iter().map(|(code, _)| code).collect::<Vec<_>>()
         };
-        assert!(codes(1.0, 2.0, 1000.0, Some(DESIGN_EFFECT)).is_empty());
-        assert_eq!(codes(0.6, 1.0, 1000.0, Some(DESIGN_EFFECT)), ["residuals_below_noise"]);
+        assert!(codes(1.0, 2.0, 1000.0, Some(MAX_DESIGN_EFFECT)).is_empty());
+        assert_eq!(codes(0.6, 1.0, 1000.0, Some(MAX_DESIGN_EFFECT)), ["residuals_below_noise"]);
         // Few residuals are as small by chance, and neighbours that have something in common are few.
-        assert!(codes(0.6, 1.0, 12.0, Some(DESIGN_EFFECT)).is_empty());
-        assert!(codes(0.6, 2.5, 30.0, Some(DESIGN_EFFECT)).is_empty());
-        assert_eq!(codes(6.0, 1.0, 1000.0, Some(DESIGN_EFFECT)), ["residuals_above_noise"]);
-        assert_eq!(codes(1.0, 3.0, 1000.0, Some(DESIGN_EFFECT)), ["neighbours_move_together"]);
+        assert!(codes(0.6, 1.0, 12.0, Some(MAX_DESIGN_EFFECT)).is_empty());
+        assert!(codes(0.6, 2.5, 30.0, Some(MAX_DESIGN_EFFECT)).is_empty());
+        assert_eq!(codes(6.0, 1.0, 1000.0, Some(MAX_DESIGN_EFFECT)), ["residuals_above_noise"]);
+        assert_eq!(codes(1.0, 3.0, 1000.0, Some(MAX_DESIGN_EFFECT)), ["neighbours_move_together"]);
         // There it is judged, and refused, by the refinement.
         assert!(codes(1.0, 3.0, 1000.0, None).is_empty());
     }
@@ -279,7 +279,8 @@ mod tests {
         let c = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).expect("a camera");
         let departs =
             || Warning::PicturesDepart { departure: PictureDeparture::FocalLength, sigma: 0.5, twice_log_odds: 60.0 };
-        let strays = || Warning::MotionStrays { from: "a".into(), to: "b".into(), apart_deg: 3.0, sigma_deg: 0.1 };
+        let attitude_error =
+            || Warning::MotionAttitudeError { from: "a".into(), to: "b".into(), apart_deg: 3.0, sigma_deg: 0.1 };
         let released = |parameter| {
             Warning::PriorContradicted(PriorConflict {
                 parameter,
@@ -294,17 +295,19 @@ mod tests {
             one_account_at_most(&Calibration { scene: Some(scene), warnings, ..c.clone() }).map_err(|e| e.to_string())
         };
         let (cx, cy) = (PriorParameter::Cx, PriorParameter::Cy);
-        for alone in [vec![departs(), departs()], vec![strays()], vec![released(cx), released(cy), strays()]] {
+        for alone in
+            [vec![departs(), departs()], vec![attitude_error()], vec![released(cx), released(cy), attitude_error()]]
+        {
             assert_eq!(verdict(Scene::Floor, alone), Ok(()));
         }
         assert_eq!(verdict(Scene::Floor, vec![departs(), released(cx)]), Ok(()));
-        let message = verdict(Scene::Floor, vec![departs(), strays()]).expect_err("two accounts");
-        assert!(message.contains("1 of the motions stray"), "{message}");
+        let message = verdict(Scene::Floor, vec![departs(), attitude_error()]).expect_err("two accounts");
+        assert!(message.contains("1 of the motions have attitude errors"), "{message}");
         let message =
             verdict(Scene::Directions, vec![departs(), released(cx), released(cy)]).expect_err("two accounts");
         assert!(message.contains("cx and cy"), "{message}");
         // Of a camera that turns on the spot each picture has its own turn.
-        assert_eq!(verdict(Scene::Directions, vec![departs(), strays()]), Ok(()));
+        assert_eq!(verdict(Scene::Directions, vec![departs(), attitude_error()]), Ok(()));
     }
 
     #[test]

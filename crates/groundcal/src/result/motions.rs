@@ -14,17 +14,19 @@ pub struct MotionReport {
     /// Whether it takes part in the camera as a motion.
     pub used: bool,
     /// Whether its matches take part because both images, of different attitudes, see the same floor.
-    #[serde(default)]
-    pub tie: bool,
+    #[serde(default, alias = "tie")]
+    pub cross_attitude_link: bool,
     /// Turn of the camera from the first to the second image, counter-clockwise seen from above, in degrees; unsigned for
     /// a motion not used; `None` without a homography.
     pub rotation_deg: Option<f64>,
     /// Its standard deviation in degrees.
     pub rotation_sigma_deg: Option<f64>,
     /// Height ratio: 1 for a motion at constant height above the floor.
-    pub rho: Option<f64>,
+    #[serde(alias = "rho")]
+    pub height_ratio: Option<f64>,
     /// Its standard deviation.
-    pub rho_sigma: Option<f64>,
+    #[serde(alias = "rho_sigma")]
+    pub height_ratio_sigma: Option<f64>,
     /// Matches that agree on one plane.
     #[serde(default)]
     pub matches: usize,
@@ -79,7 +81,7 @@ pub enum MotionVerdict {
 
 impl MotionVerdict {
     /// What was found, in words; `None`: nothing wrong.
-    pub fn finding(&self) -> Option<String> {
+    pub(crate) fn finding(&self) -> Option<String> {
         match self {
             MotionVerdict::NotJudged | MotionVerdict::Fits => None,
             MotionVerdict::Tilts { apart_deg, usual_deg } => Some(format!(
@@ -94,7 +96,7 @@ impl MotionVerdict {
     }
 
     /// What to do about it.
-    pub fn remedies(&self) -> Vec<Remedy> {
+    pub(crate) fn remedies(&self) -> Vec<Remedy> {
         match self {
             MotionVerdict::NotJudged | MotionVerdict::Fits | MotionVerdict::OffCamera { .. } => Vec::new(),
             MotionVerdict::Tilts { .. } => vec![Remedy::LeavePairOut, Remedy::RetakeMotion],

@@ -31,6 +31,6 @@ pub struct CameraOnBase {
     pub pitch_down_deg: f64,
     /// Roll, degrees.
     pub roll_deg: f64,
-    /// How far the odometry strays, over the way driven: one standard deviation.
+    /// How far the odometry errs, over the way driven: one standard deviation.
     pub relative_noise: f64,
 }

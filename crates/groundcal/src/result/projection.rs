@@ -20,7 +20,7 @@ pub struct ProjectionUncertainty {
 
 impl ProjectionUncertainty {
     /// The middle of a cell of an image of this size, in pixels.
-    pub fn middle_px(&self, cell: usize, image_size: [usize; 2]) -> [f64; 2] {
+    pub(crate) fn middle_px(&self, cell: usize, image_size: [usize; 2]) -> [f64; 2] {
         let [columns, rows] = self.cells_xy.map(|n| n.max(1));
         let [width, height] = image_size.map(|n| n as f64);
         let along = |i: usize, n: usize, side: f64| (i as f64 + 0.5) * side / n as f64 - 0.5;

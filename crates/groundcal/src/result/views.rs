@@ -27,7 +27,7 @@ pub enum ViewParameter {
 
 impl ViewParameter {
     /// Those of the view itself.
-    pub const OF_POSE: [ViewParameter; 6] = [
+    pub(crate) const OF_POSE: [ViewParameter; 6] = [
         ViewParameter::PitchDownRad,
         ViewParameter::RollRad,
         ViewParameter::YawRad,
@@ -37,7 +37,7 @@ impl ViewParameter {
     ];
 
     /// How many there are.
-    pub const COUNT: usize = Parameter::ALL.len() + Self::OF_POSE.len();
+    pub(crate) const COUNT: usize = Parameter::ALL.len() + Self::OF_POSE.len();
 
     /// All, in the order of every list of them: those of the camera, then those of the view.
     pub const ALL: [ViewParameter; Self::COUNT] = {
@@ -55,7 +55,7 @@ impl ViewParameter {
     };
 
     /// Whether it is a length over the floor.
-    pub fn is_length(self) -> bool {
+    pub(crate) fn is_length(self) -> bool {
         matches!(self, ViewParameter::X | ViewParameter::Y | ViewParameter::Height)
     }
 }

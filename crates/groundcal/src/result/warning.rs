@@ -48,8 +48,9 @@ pub enum Warning {
         /// Where the principal point may go; `None` where it is held.
         doubt: Option<PrincipalPointDoubt>,
     },
-    /// A motion's views stray from their common attitude by more than those of the others.
-    MotionStrays {
+    /// A motion's views have attitude errors larger than those of the others.
+    #[serde(rename = "motion_strays")]
+    MotionAttitudeError {
         /// First image.
         from: String,
         /// Second image.
@@ -169,13 +170,14 @@ pub enum Warning {
         /// Why.
         reason: String,
     },
-    /// The fixed point between the given distortion and focal length did not settle.
+    /// The fixed point between the given distortion and focal length did not converge.
     DistortionNotConverged {
         /// Last relative change of fx.
         relative_change: f64,
     },
-    /// The attitudes of a plan's views stray further than predictions were checked for.
-    LargeStrays {
+    /// The attitude errors of a plan's views are larger than predictions were checked for.
+    #[serde(alias = "large_strays")]
+    LargeAttitudeErrors {
         /// How far, standard deviation in degrees.
         sigma_deg: f64,
         /// Up to where predictions are checked, degrees.
@@ -203,7 +205,7 @@ pub struct PrincipalPointDoubt {
 
 impl PrincipalPointDoubt {
     /// From the covariance of (fx, fy, cx, cy, ...) in pixels squared.
-    pub fn new(fx: f64, covariance: impl Fn(usize, usize) -> f64) -> Self {
+    pub(crate) fn new(fx: f64, covariance: impl Fn(usize, usize) -> f64) -> Self {
         let (xx, xy, yy) = (covariance(2, 2), covariance(2, 3), covariance(3, 3));
         let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
         let (y, x) = angle.sin_cos();
@@ -222,7 +224,7 @@ impl Warning {
             Warning::DistortionUncertain { .. } => "distortion_uncertain",
             Warning::SingleMotion => "single_motion",
             Warning::SingleAttitude { .. } => "single_attitude",
-            Warning::MotionStrays { .. } => "motion_strays",
+            Warning::MotionAttitudeError { .. } => "motion_strays",
             Warning::MotionLeftOut { .. } => "motion_left_out",
             Warning::FloorsContradict { .. } => "floors_contradict",
             Warning::ParallelHorizons { .. } => "parallel_horizons",
@@ -241,13 +243,13 @@ impl Warning {
             Warning::NeighboursOnly { .. } => "neighbours_only",
             Warning::NotRefined { .. } => "not_refined",
             Warning::DistortionNotConverged { .. } => "distortion_not_converged",
-            Warning::LargeStrays { .. } => "large_strays",
+            Warning::LargeAttitudeErrors { .. } => "large_attitude_errors",
             Warning::Other { code, .. } => code,
         }
     }
 
     /// What it means, with numbers.
-    pub fn finding(&self) -> String {
+    pub(crate) fn finding(&self) -> String {
         match self {
             Warning::DistortionNotModelled { pincushion_percent, barrel_percent } => {
                 let change =
@@ -273,7 +275,7 @@ impl Warning {
                  can: the motions found may be a coincidence among views that tilt freely, and the camera wrong by more than its \
                  error bars"
             ),
-            Warning::MotionStrays { from, to, apart_deg, sigma_deg } => format!(
+            Warning::MotionAttitudeError { from, to, apart_deg, sigma_deg } => format!(
                 "{from} and {to}: their attitudes differ by {apart_deg:.2} degrees, more than the {sigma_deg:.2} degrees of a view that \
                  the others show explain: the camera tilted between them, or they look at another plane"
             ),
@@ -334,10 +336,10 @@ impl Warning {
                 )
             }
             Warning::DistortionNotConverged { relative_change } => {
-                format!("focal length and the given distortion did not settle (last change {relative_change:.1e})")
+                format!("focal length and the given distortion did not converge (last change {relative_change:.1e})")
             }
-            Warning::LargeStrays { sigma_deg, checked_deg } => format!(
-                "tilt and roll stray by {sigma_deg} degrees, predictions are checked by simulation for {checked_deg} degrees. With much \
+            Warning::LargeAttitudeErrors { sigma_deg, checked_deg } => format!(
+                "tilt and roll vary by {sigma_deg} degrees, predictions are checked by simulation for {checked_deg} degrees. With much \
                  more, short turns may be refused: two attitudes that differ by 1.4 degrees put the axis of a 10 degree turn off by 8"
             ),
             Warning::Other { message, .. } => message.clone(),
@@ -345,7 +347,7 @@ impl Warning {
     }
 
     /// What to do about it: any of these.
-    pub fn remedies(&self) -> Vec<Remedy> {
+    pub(crate) fn remedies(&self) -> Vec<Remedy> {
         match self {
             Warning::DistortionNotModelled { .. } => vec![Remedy::EstimateLens, Remedy::GiveLensCoefficients],
             Warning::DistortionUncertain { .. } => {
@@ -355,7 +357,7 @@ impl Warning {
             Warning::SingleAttitude { .. } => vec![Remedy::TiltOrRoll { deg: 20.0 }],
             Warning::FloorsContradict { .. } => vec![Remedy::NamePairs, Remedy::RetakeMotion],
             Warning::MotionLeftOut { .. } => vec![Remedy::RetakeMotion, Remedy::NamePairs],
-            Warning::MotionStrays { .. } => vec![Remedy::LeavePairOut, Remedy::RetakeMotion],
+            Warning::MotionAttitudeError { .. } => vec![Remedy::LeavePairOut, Remedy::RetakeMotion],
             Warning::ParallelHorizons { .. } => vec![Remedy::RollCamera { deg: 30.0 }],
             Warning::MotionsDisagree { .. } => {
                 vec![Remedy::GiveLensCoefficients, Remedy::GiveAttitudeSigma, Remedy::NamePairs]
@@ -375,7 +377,7 @@ impl Warning {
             Warning::NeighboursOnly { .. } => vec![Remedy::ComparePairs],
             Warning::NotRefined { .. } => vec![Remedy::ReportFault],
             Warning::DistortionNotConverged { .. } => vec![Remedy::CheckLensCoefficients],
-            Warning::LargeStrays { .. } => {
+            Warning::LargeAttitudeErrors { .. } => {
                 vec![Remedy::TurnAtLeast { deg: 30.0 }, Remedy::MoreMotionsThanPlanned, Remedy::SteadyCamera]
             }
             Warning::Other { .. } => Vec::new(),
@@ -446,7 +448,7 @@ fn contradiction(c: &PriorConflict) -> String {
         c.mean,
         c.found,
         c.found_sigma,
-        c.deviations(),
+        c.standardised_distance(),
     )
 }
 
@@ -471,7 +473,7 @@ pub struct WarningReport {
 
 impl WarningReport {
     /// Of a warning.
-    pub fn new(warning: &Warning, wording: &dyn Wording) -> Self {
+    pub(crate) fn new(warning: &Warning, wording: &dyn Wording) -> Self {
         Self {
             warning: warning.clone(),
             message: warning.message(wording),
@@ -529,7 +531,7 @@ mod tests {
             Warning::SingleMotion,
             Warning::SingleAttitude { motions: 2, doubt: Some(doubt) },
             Warning::SingleAttitude { motions: 1, doubt: None },
-            Warning::MotionStrays { from: "a".into(), to: "b".into(), apart_deg: 1.0, sigma_deg: 0.1 },
+            Warning::MotionAttitudeError { from: "a".into(), to: "b".into(), apart_deg: 1.0, sigma_deg: 0.1 },
             Warning::MotionLeftOut { from: "a".into(), to: "b".into() },
             Warning::FloorsContradict { agree: 1, contradict: 3 },
             Warning::ParallelHorizons { spread_deg: 2.0 },
@@ -555,7 +557,7 @@ mod tests {
             Warning::NeighboursOnly { images: 50 },
             Warning::NotRefined { reason: "no".into() },
             Warning::DistortionNotConverged { relative_change: 1e-3 },
-            Warning::LargeStrays { sigma_deg: 0.5, checked_deg: 0.1 },
+            Warning::LargeAttitudeErrors { sigma_deg: 0.5, checked_deg: 0.1 },
         ]
     }
 

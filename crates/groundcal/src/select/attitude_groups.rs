@@ -13,7 +13,7 @@ use crate::{
     geometry::intrinsics::Intrinsics,
     ids::ImageId,
     numerics::{graph::components, statistics::chi_squared_survival},
-    observer::{Observer, Silent},
+    observer::Observer,
     pairs::circular_points::{CircularPoint, MotionGeometry},
     start::absolute_conic::WeightedPoint,
 };
@@ -28,12 +28,12 @@ pub struct Motion {
     /// Circular point, angle, ρ.
     pub geometry: MotionGeometry,
     /// Where the matched points lie.
-    pub sides: Sides,
+    pub sides: HorizonSides,
 }
 
 /// Where the points of a motion lie with respect to the horizon that the motion implies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Sides {
+pub enum HorizonSides {
     /// On one side: they can lie on a floor.
     One,
     /// On both: no floor is seen from above and below; they can only be far away, the camera turning on the spot.
@@ -50,7 +50,7 @@ pub struct AttitudeGroup {
 }
 
 /// Squared distance beyond which two attitudes are different: 99.9 % of chi-squared with four degrees of freedom.
-pub const DIFFERENT_ATTITUDE: f64 = 18.467;
+pub(crate) const DIFFERENT_ATTITUDE: f64 = 18.467;
 
 /// A circular point in the tangent coordinates of another.
 struct Transferred {
@@ -97,7 +97,7 @@ fn in_tangent_of(base: &CircularPoint, other: &WeightedPoint) -> Option<Transfer
 
 /// Squared Mahalanobis distance between two circular points (four degrees of freedom); infinite for points far apart. A
 /// radial distortion of deviation `k1_sigma` moves both: only the difference of what it does to them counts.
-pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) -> f64 {
+pub(crate) fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) -> f64 {
     let Some(Transferred { coordinates: difference, covariance, by_k1 }) = in_tangent_of(&a.point, b) else {
         return f64::INFINITY;
     };
@@ -110,7 +110,7 @@ pub fn attitude_distance(a: &WeightedPoint, b: &WeightedPoint, k1_sigma: f64) ->
 }
 
 /// The groups again with another axis error; who belongs together stays.
-pub fn regroup(
+pub(crate) fn regroup(
     groups: &[AttitudeGroup],
     motions: &[Motion],
     k: &Intrinsics,
@@ -128,12 +128,6 @@ fn weighted_points(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) 
     motions.iter().map(weighted).collect()
 }
 
-/// Joins motions that share an attitude, with axis errors of `attitude_sigma_rad` as seen by the camera `k` (frame units):
-/// those that share an image, since an image has one attitude, and those whose circular points agree.
-pub fn group_attitudes(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) -> Vec<AttitudeGroup> {
-    group_attitudes_until(motions, k, attitude_sigma_rad, &Silent).unwrap_or_default()
-}
-
 /// The same under an observer's eyes.
 ///
 /// # Errors
@@ -147,7 +141,7 @@ pub(crate) fn group_attitudes_until(
     let weighted = weighted_points(motions, k, attitude_sigma_rad);
     let mut groups: Vec<AttitudeGroup> =
         connected_by_images(motions).into_iter().map(|members| join(members, &weighted, motions)).collect();
-    // From the best known to the worst, so that a vague group joins another instead of founding one.
+    // From the best known to the worst, so that a group of large covariance joins another instead of founding one.
     groups.sort_by(|a, b| {
         (a.fused.covariance.trace().total_cmp(&b.fused.covariance.trace())).then(a.members[0].cmp(&b.members[0]))
     });

@@ -18,7 +18,7 @@ use crate::{
     error::Error,
     ids::ImageId,
     observer::Observer,
-    select::attitude_groups::{DIFFERENT_ATTITUDE, Motion, Sides, attitude_distance},
+    select::attitude_groups::{DIFFERENT_ATTITUDE, HorizonSides, Motion, attitude_distance},
     start::absolute_conic::{ConicSolution, Parameters, Priors, WeightedPoint, agreement, intrinsics_of, refine},
 };
 
@@ -71,22 +71,22 @@ pub(crate) const MARGIN_LOG_ODDS: f64 = 3.0;
 /// How cameras keep their height between the two images of a motion: share of motions, standard deviation of ln ρ. Tripods moved on a
 /// floor, robots on wheels and turntables keep it exactly (patches show ρ to 1e-5, features to 1e-3); what is carried keeps it to a few per
 /// cent; cranes do not keep it.
-const HEIGHTS: [(f64, f64); 3] = [(0.5, 1e-3), (0.3, 0.02), (0.2, FREE_LN_RHO_SIGMA)];
+const HEIGHT_RATIO_MIXTURE: [(f64, f64); 3] = [(0.5, 1e-3), (0.3, 0.02), (0.2, FREE_LN_HEIGHT_RATIO_SIGMA)];
 /// Standard deviation of ln ρ for two views that tilt and move freely. Measured on views of a floor whose tilts differ by 0.1, 1 and 10
 /// degrees: median |ρ - 1| 0.0016, 0.016 and 0.13, and within 0.001 of 1 in 34, 4 and 0.5 of 100.
-const FREE_LN_RHO_SIGMA: f64 = 0.3;
+const FREE_LN_HEIGHT_RATIO_SIGMA: f64 = 0.3;
 
 /// Logarithm of how much likelier this ρ is for a motion than for a pair of views that tilt freely. A pair that tilted has any ratio: ρ
 /// within its small bar of 1 speaks for a plane-normal motion by about a hundred to one, ρ off 1 for a tilt as much as for a crane.
-pub(crate) fn height_log_odds(rho: f64, rho_sigma: f64) -> f64 {
-    let ln_rho = rho.max(1e-3).ln();
-    let noise = (rho_sigma / rho.max(1e-3)).powi(2);
+pub(crate) fn height_log_odds(height_ratio: f64, height_ratio_sigma: f64) -> f64 {
+    let ln_height_ratio = height_ratio.max(1e-3).ln();
+    let noise = (height_ratio_sigma / height_ratio.max(1e-3)).powi(2);
     let density = |sigma: f64| {
         let variance = sigma * sigma + noise;
-        (-0.5 * ln_rho * ln_rho / variance).exp() / variance.sqrt()
+        (-0.5 * ln_height_ratio * ln_height_ratio / variance).exp() / variance.sqrt()
     };
-    let free = density(FREE_LN_RHO_SIGMA).max(f64::MIN_POSITIVE);
-    let motion: f64 = HEIGHTS.iter().map(|(share, sigma)| share * density(*sigma)).sum();
+    let free = density(FREE_LN_HEIGHT_RATIO_SIGMA).max(f64::MIN_POSITIVE);
+    let motion: f64 = HEIGHT_RATIO_MIXTURE.iter().map(|(share, sigma)| share * density(*sigma)).sum();
     (motion / free).ln()
 }
 
@@ -156,7 +156,7 @@ impl Search<'_> {
         // Chance agreement of one among n counts for nothing; of two images taken one after the other it is no chance.
         let follow = self.options.sequence && m.to.index().abs_diff(m.from.index()) == 1;
         let order = if follow { 0.0 } else { -(self.motions.len() as f64).ln() };
-        order + height_log_odds(m.geometry.rho, m.geometry.rho_sigma)
+        order + height_log_odds(m.geometry.height_ratio, m.geometry.height_ratio_sigma)
     }
 
     /// Whether a candidate contradicts a set whose images carry the labels of the parts they are joined to. Images joined by
@@ -180,7 +180,7 @@ impl Search<'_> {
         if best.members.contains(&index) {
             return Verdict::Accepted;
         }
-        if motions[index].sides == Sides::Both && motions[best.members[0]].sides == Sides::One {
+        if motions[index].sides == HorizonSides::Both && motions[best.members[0]].sides == HorizonSides::One {
             return Verdict::WrongSides;
         }
         let shared = |m: usize| {
@@ -203,8 +203,8 @@ impl Search<'_> {
 
     fn grow(&self, seed: usize, observer: &dyn Observer) -> Result<Option<Hypothesis>, Error> {
         // Far points may lie on one side of the horizon by chance; points of a floor never lie on both.
-        let floor = self.motions[seed].sides == Sides::One;
-        let suits = |i: usize| !floor || self.motions[i].sides == Sides::One;
+        let floor = self.motions[seed].sides == HorizonSides::One;
+        let suits = |i: usize| !floor || self.motions[i].sides == HorizonSides::One;
         let Some(mut solution) = self.found(seed).filter(|s| s.chi_squared <= 2.0 * self.options.gate) else {
             return Ok(None);
         };
@@ -301,7 +301,7 @@ pub(crate) fn find_consistent(
         hypotheses.push(if taken { None } else { search.grow(seed, observer)? });
     }
     // The earliest seed on a tie, whatever the threads did.
-    let best_of = |sides: Sides| {
+    let best_of = |sides: HorizonSides| {
         let seeded = hypotheses.iter().enumerate().filter(|(seed, _)| motions[*seed].sides == sides);
         seeded.filter_map(|(_, h)| h.as_ref()).reduce(|best, next| if next.score > best.score { next } else { best })
     };
@@ -309,7 +309,7 @@ pub(crate) fn find_consistent(
         let all: BTreeSet<ImageId> = h.members.iter().flat_map(|&m| [motions[m].from, motions[m].to]).collect();
         all.len()
     };
-    let best = match (best_of(Sides::One), best_of(Sides::Both)) {
+    let best = match (best_of(HorizonSides::One), best_of(HorizonSides::Both)) {
         (Some(floor), Some(far)) => Some(if 2 * images(floor) >= images(far) { floor } else { far }),
         (floor, far) => floor.or(far),
     };

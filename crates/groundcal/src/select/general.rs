@@ -20,13 +20,13 @@ use crate::{
     },
     remedy::Remedy,
     select::{
-        attitude_groups::Sides,
+        attitude_groups::HorizonSides,
         selection::{MotionKind, PairVerdict, Rejection, Selection},
     },
 };
 
 /// Fewest views: two leave the focal length and the tilt of the plane to be traded for each other.
-const FEWEST_VIEWS: usize = 3;
+const MIN_VIEWS: usize = 3;
 /// Pairs of an image that are used, those of most matches: what more of them say is known by way of the others.
 const PAIRS_PER_IMAGE: usize = 8;
 
@@ -62,11 +62,11 @@ pub(crate) fn select_general(
     let joined: Vec<PairId> =
         planes.iter().copied().filter(|&id| Some(label[pairs[id].from.index()]) == largest).collect();
     let images = images_of(&joined, pairs).len();
-    if images < FEWEST_VIEWS {
+    if images < MIN_VIEWS {
         return Err(Error::NoUsableMotion {
             pairs: planes.len(),
             reason: format!(
-                "a common plane joins {images} images, and general motion needs {FEWEST_VIEWS} or more: of two the focal length and the \
+                "a common plane joins {images} images, and general motion needs {MIN_VIEWS} or more: of two the focal length and the \
                  tilt of the plane cannot be told apart"
             ),
             remedies: vec![Remedy::MoreViews, Remedy::VouchPlaneNormal],
@@ -79,7 +79,7 @@ pub(crate) fn select_general(
     let best = best_of_each_image(if in_full { &patched } else { &joined }, pairs);
     Ok(Selection::new(MotionKind::General, pairs, |id| {
         if best.contains(&id) {
-            PairVerdict::Used { sides: Sides::One }
+            PairVerdict::Used { sides: HorizonSides::One }
         } else if other_planes.contains(&id) {
             PairVerdict::Rejected(Rejection::OtherPlane)
         } else if joined.contains(&id) {

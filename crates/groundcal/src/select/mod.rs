@@ -1,8 +1,10 @@
 //! Which pairs are motions, of which kind, and which motions share an attitude.
 
-pub mod attitude_groups;
+pub(crate) mod attitude_groups;
 pub(crate) mod consistent_set;
 pub(crate) mod general;
 pub(crate) mod plane_normal;
 pub(crate) mod rotations;
 pub(crate) mod selection;
+
+pub use attitude_groups::{AttitudeGroup, HorizonSides, Motion};

@@ -8,7 +8,7 @@ use crate::{
     pairs::observation::{PairObservation, TurningPlane, why_no_motion},
     remedy::Remedy,
     select::{
-        attitude_groups::{Motion, Sides},
+        attitude_groups::{HorizonSides, Motion},
         consistent_set::{
             ConsistencyOptions, ConsistentSet, MARGIN_LOG_ODDS, Verdict, find_consistent, height_log_odds,
         },
@@ -19,21 +19,21 @@ use crate::{
 /// Prior of the principal point in the search for consistent motions, as a fraction of the width: nothing should be lost to
 /// an odd lens.
 const SEARCH_PRINCIPAL_POINT_SIGMA: f64 = 0.1;
-/// Least deviation of the attitudes in the search: what is left of lens distortion and of a scene that is not quite a plane
+/// Least standard deviation of the attitudes in the search: what is left of lens distortion and of a scene that is not quite a plane
 /// moves circular points by more than the noise says, and a motion is not to be lost for it. Pairs of images of different
 /// attitudes are off by degrees.
 const SEARCH_ATTITUDE_SIGMAS_DEG: [f64; 3] = [0.3, 1.0, 2.5];
-/// Deviation of the k1 that the search takes to be still there, given or not: a given one has its own error and no lens has
+/// Standard deviation of the k1 that the search takes to be still there, given or not: a given one has its own error and no lens has
 /// k1 alone.
 const SEARCH_K1_SIGMA: f64 = 0.05;
-/// Deviation of a circular point's direction in the search for all other faults of the model (higher distortion, a scene not
+/// Standard deviation of a circular point's direction in the search for all other faults of the model (higher distortion, a scene not
 /// quite flat or not quite at infinity): a third of a degree.
 const SEARCH_DIRECTION_SIGMA: f64 = 0.006;
 /// Fraction of points beyond the horizon from which on a scene is no floor.
 const MINOR_SIDE: f64 = 0.05;
 /// Squared distance beyond which a motion disagrees with the camera of the others: 99.9 % of chi-squared with two degrees
 /// of freedom.
-const MOTION_GATE: f64 = 13.8;
+const CHI2_2_999: f64 = 13.8;
 
 /// Options of [`select_plane_normal`].
 #[derive(Debug, Clone, Copy)]
@@ -105,8 +105,8 @@ pub(crate) fn select_plane_normal(
 /// # Errors
 /// [`Error::NoUsableMotion`], with the matches of a background that stands still named.
 fn check_single(motion: &Motion, background: usize) -> Result<(), Error> {
-    let (rho, sigma) = (motion.geometry.rho, motion.geometry.rho_sigma);
-    if height_log_odds(rho, sigma) >= MARGIN_LOG_ODDS {
+    let (height_ratio, sigma) = (motion.geometry.height_ratio, motion.geometry.height_ratio_sigma);
+    if height_log_odds(height_ratio, sigma) >= MARGIN_LOG_ODDS {
         return Ok(());
     }
     let still = match background {
@@ -116,7 +116,7 @@ fn check_single(motion: &Motion, background: usize) -> Result<(), Error> {
     Err(Error::NoUsableMotion {
         pairs: 1,
         reason: format!(
-            "nothing shows that the camera turned without tilting: the ratio of its heights over the plane is {rho:.4} +- {sigma:.4}, \
+            "nothing shows that the camera turned without tilting: the ratio of its heights over the plane is {height_ratio:.4} +- {sigma:.4}, \
              where a camera that keeps its height has 1, and one that tilted has any. Such a focal length may be wrong by half{still}"
         ),
         remedies: vec![Remedy::MoreMotions, Remedy::VouchPlaneNormal],
@@ -126,12 +126,12 @@ fn check_single(motion: &Motion, background: usize) -> Result<(), Error> {
 fn motion_of(pair: &PairObservation, frame: &Frame) -> Option<Motion> {
     let TurningPlane { geometry, .. } = pair.outcome.as_ref().ok()?;
     let points = pair.seen_in_first().map(|p| frame.frame_matrix() * p);
-    let sides = if geometry.minor_side(points) > MINOR_SIDE { Sides::Both } else { Sides::One };
+    let sides = if geometry.minor_side(points) > MINOR_SIDE { HorizonSides::Both } else { HorizonSides::One };
     Some(Motion { from: pair.from, to: pair.to, geometry: geometry.clone(), sides })
 }
 
-/// The best set, attitudes straying as little as explains it: a carrier that pitches or an arm that is not quite aligned may
-/// stray more than is usual.
+/// The best set, with the smallest attitude errors that explain it: a carrier that pitches or an arm that is not quite aligned may
+/// have larger ones than is usual.
 fn search(motions: &[Motion], options: &PlaneNormalOptions, observer: &dyn Observer) -> Result<ConsistentSet, Error> {
     let with = |sigma_deg: f64| {
         let consistency = ConsistencyOptions {
@@ -140,7 +140,7 @@ fn search(motions: &[Motion], options: &PlaneNormalOptions, observer: &dyn Obser
             direction_sigma: SEARCH_DIRECTION_SIGMA,
             principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * options.size.width as f64 / options.frame.scale_px,
             aspect: options.aspect,
-            gate: MOTION_GATE,
+            gate: CHI2_2_999,
             sequence: options.sequence,
         };
         find_consistent(motions, &consistency, observer)

@@ -14,7 +14,7 @@ use crate::{
     pairs::observation::{PairObservation, images_of, why_no_motion},
     remedy::Remedy,
     select::{
-        attitude_groups::Sides,
+        attitude_groups::HorizonSides,
         selection::{MotionKind, PairVerdict, Rejection, Selection},
     },
 };
@@ -37,7 +37,7 @@ pub(crate) struct RotationOptions {
 /// Fewest images: two views of a turn are a plane-normal motion, whatever the axis.
 const MIN_IMAGES: usize = 3;
 /// Largest ‖M Mᵀ - I‖ of a pair's M = K⁻¹ H K that passes for a rotation before distortion and noise are known.
-const MAX_DEVIATION: f64 = 0.1;
+const MAX_ROTATION_RESIDUAL: f64 = 0.1;
 /// Focal lengths tried, in image widths.
 const FOCAL_RANGE: (f64, f64) = (0.3, 6.0);
 const FOCAL_STEPS: usize = 80;
@@ -90,7 +90,7 @@ fn moving(pairs: &[PairObservation]) -> impl Iterator<Item = &PairObservation> {
 fn selection_of(used: &[PairId], nearest: &Intrinsics, pairs: &[PairObservation]) -> Selection {
     Selection::new(MotionKind::Turning { focal_px: nearest.fx }, pairs, |id| {
         if used.contains(&id) {
-            PairVerdict::Used { sides: Sides::Both }
+            PairVerdict::Used { sides: HorizonSides::Both }
         } else if pairs[id].outcome.is_ok() {
             PairVerdict::Rejected(Rejection::NoRotation)
         } else {
@@ -109,16 +109,16 @@ fn nearest_to_rotations(pairs: &[PairObservation], options: &RotationOptions) ->
     };
     // Truncated squares: a wrong pair costs no more than a bad one.
     let score = |k: &Intrinsics| -> f64 {
-        let all = pairs.iter().filter_map(|pair| deviation_from_rotation(pair, k));
-        all.map(|d| d.min(2.0 * MAX_DEVIATION).powi(2)).sum()
+        let all = pairs.iter().filter_map(|pair| rotation_residual(pair, k));
+        all.map(|d| d.min(2.0 * MAX_ROTATION_RESIDUAL).powi(2)).sum()
     };
     let best = (0..=FOCAL_STEPS).map(camera).min_by(|a, b| score(a).total_cmp(&score(b)))?;
-    let fits = |pair: &&PairObservation| deviation_from_rotation(pair, &best).is_some_and(|d| d < MAX_DEVIATION);
+    let fits = |pair: &&PairObservation| rotation_residual(pair, &best).is_some_and(|d| d < MAX_ROTATION_RESIDUAL);
     Some((best, pairs.iter().filter(fits).map(|pair| pair.id).collect()))
 }
 
 /// ‖M Mᵀ - I‖ for M = K⁻¹ H K of determinant 1: zero for a rotation.
-fn deviation_from_rotation(pair: &PairObservation, k: &Intrinsics) -> Option<f64> {
+fn rotation_residual(pair: &PairObservation, k: &Intrinsics) -> Option<f64> {
     let plane = pair.moving_plane()?;
     let m = k.inverse_matrix() * plane.estimate.h_b_from_a.matrix() * k.matrix();
     Some((m * m.transpose() - Matrix3::identity()).norm())

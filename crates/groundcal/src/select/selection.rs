@@ -4,7 +4,7 @@
 use crate::{
     ids::{ImageId, PairId},
     pairs::observation::PairObservation,
-    select::attitude_groups::{Motion, Sides},
+    select::attitude_groups::{HorizonSides, Motion},
 };
 
 /// What a camera did between the images of the pairs used.
@@ -29,7 +29,7 @@ pub(crate) enum PairVerdict {
     /// It takes part.
     Used {
         /// Where its points lie.
-        sides: Sides,
+        sides: HorizonSides,
     },
     /// It takes no part.
     Rejected(Rejection),
@@ -94,7 +94,7 @@ impl Selection {
 
     /// Whether a motion used has points on both sides of the horizon: they are far away, and no floor.
     pub(crate) fn is_far_away(&self) -> bool {
-        self.verdicts.contains(&PairVerdict::Used { sides: Sides::Both })
+        self.verdicts.contains(&PairVerdict::Used { sides: HorizonSides::Both })
     }
 
     /// The pairs used as the motions that their observations show now, in the order of [`Self::used`]. Every one of them must show
@@ -165,7 +165,7 @@ mod tests {
         let mut pairs = observed(&PointScene::nominal(3));
         let selection = Selection::new(MotionKind::PlaneNormal, &pairs, |id| match id.index() {
             0 => PairVerdict::Rejected(Rejection::WrongSides),
-            _ => PairVerdict::Used { sides: Sides::One },
+            _ => PairVerdict::Used { sides: HorizonSides::One },
         });
         let [first, second] = [1, 2].map(PairId::new);
         assert_eq!(selection.used(), [first, second]);

@@ -46,11 +46,11 @@ impl Constraint {
 
 /// Gaussian priors on (ln fx, ln fy/fx, cx, cy, skew), frame units; `None`: no prior on that parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Priors(pub [Option<(f64, f64)>; 5]);
+pub(crate) struct Priors(pub [Option<(f64, f64)>; 5]);
 
 impl Priors {
     /// No prior at all.
-    pub const NONE: Priors = Priors([None; 5]);
+    pub(crate) const NONE: Priors = Priors([None; 5]);
 }
 
 /// One attitude's circular point with the covariance to be used for it.
@@ -217,7 +217,7 @@ impl LeastSquares for MaximumLikelihood<'_> {
 
 /// The estimate of the camera matrix.
 #[derive(Debug, Clone)]
-pub struct ConicSolution {
+pub(crate) struct ConicSolution {
     /// Parameters, frame units.
     pub parameters: Parameters,
     /// Covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units; zero rows for what was held.
@@ -226,8 +226,6 @@ pub struct ConicSolution {
     pub chi_squared: f64,
     /// Equations (and priors) minus unknowns.
     pub degrees_of_freedom: usize,
-    /// Steps of the refinement.
-    pub iterations: usize,
     /// Logarithm of the determinants of the residuals' covariances and of the information matrix: with chi-squared, -2
     /// times the restricted log likelihood of whatever the covariances depend on.
     pub log_determinants: f64,
@@ -235,14 +233,19 @@ pub struct ConicSolution {
 
 impl ConicSolution {
     /// The camera matrix, frame units.
-    pub fn intrinsics(&self) -> Intrinsics {
+    pub(crate) fn intrinsics(&self) -> Intrinsics {
         intrinsics_of(&self.parameters)
     }
 }
 
 /// Maximum likelihood (maximum a posteriori with priors) from a start; `None` when the start is unusable or the
 /// information matrix singular.
-pub fn refine(points: &[WeightedPoint], start: &Parameters, free: [bool; 5], priors: &Priors) -> Option<ConicSolution> {
+pub(crate) fn refine(
+    points: &[WeightedPoint],
+    start: &Parameters,
+    free: [bool; 5],
+    priors: &Priors,
+) -> Option<ConicSolution> {
     let free: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
     let problem = MaximumLikelihood { points, priors, free };
     let options =
@@ -261,7 +264,6 @@ pub fn refine(points: &[WeightedPoint], start: &Parameters, free: [bool; 5], pri
         covariance,
         chi_squared: 2.0 * out.cost,
         degrees_of_freedom: (2 * points.len() + with_prior).saturating_sub(problem.free.len()),
-        iterations: out.iterations,
         log_determinants: points
             .iter()
             .filter_map(|point| Some(-correct(&out.state, point)?.information.determinant().ln()))
@@ -284,7 +286,7 @@ pub(crate) const MIN_SIGNAL_OVER_NOISE: f64 = 5.0;
 /// # Errors
 /// [`Error::Undetermined`] when a second direction of the conic is at the level of the noise,
 /// [`Error::NotPositiveDefinite`] when no real camera solves the equations.
-pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f64) -> Result<Parameters, Error> {
+pub(crate) fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f64) -> Result<Parameters, Error> {
     let basis = constraint.basis(aspect);
     let mut p = Parameters::from([2f64.ln(), aspect.ln(), 0.0, 0.0, 0.0]);
     const ROUNDS: usize = 3;
@@ -318,7 +320,7 @@ pub fn solve_linear(points: &[WeightedPoint], constraint: Constraint, aspect: f6
             };
             add(&mut signal, &conic_rows(e, e));
             if round == ROUNDS - 1 {
-                // What image noise alone would add to the matrix. (An axis that strays moves a point along the conic: that is
+                // What image noise alone would add to the matrix. (An axis that varies moves a point along the conic: that is
                 // information, not noise.)
                 let spread = Matrix4::from_diagonal_element(1e-18) + point.point.covariance;
                 if let Some(root) = spread.cholesky() {
@@ -431,7 +433,7 @@ pub(crate) fn signal_over_noise(signal: &DMatrix<f64>, noise: &DMatrix<f64>) -> 
 ///
 /// # Errors
 /// The eigenvalues, largest modulus scaled to one, when ω is not definite.
-pub fn intrinsics_from_conic(omega: &Matrix3<f64>) -> Result<Intrinsics, [f64; 3]> {
+pub(crate) fn intrinsics_from_conic(omega: &Matrix3<f64>) -> Result<Intrinsics, [f64; 3]> {
     let signed = if omega.trace() < 0.0 { -omega } else { *omega };
     if let Some(l) = signed.cholesky() {
         // ω = L Lᵀ and ω ~ K⁻ᵀ K⁻¹ with K⁻¹ upper triangular: K ~ L⁻ᵀ.
@@ -451,7 +453,7 @@ pub fn intrinsics_from_conic(omega: &Matrix3<f64>) -> Result<Intrinsics, [f64; 3
 
 /// The squared Mahalanobis distance of a motion's circular point from the conic of an estimate with covariance
 /// (two degrees of freedom), and the logarithm of how much better "on this conic" explains it than "anywhere".
-pub fn agreement(
+pub(crate) fn agreement(
     p: &Parameters,
     parameter_covariance: &SMatrix<f64, 5, 5>,
     point: &WeightedPoint,

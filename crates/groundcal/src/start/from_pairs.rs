@@ -11,7 +11,7 @@ use crate::{
         circular_points::from_homography, observation::PairObservation, observe::refit, placed_lens::PlacedLens,
         refine::HomographyEstimate,
     },
-    select::attitude_groups::{Motion, Sides},
+    select::attitude_groups::{HorizonSides, Motion},
     start::{
         linear_camera::{CameraOptions, CameraSolution, solve_camera_until},
         rotating_camera::{RotatingOptions, RotatingSolution, calibrate_rotating},
@@ -48,7 +48,7 @@ pub(crate) fn motions_through(
         let pair = &pairs[id];
         let estimate = refit(pair, &pair.outcome.as_ref().ok()?.plane, lens, frame)?;
         let geometry = from_homography(&estimate).ok()?;
-        Some(Motion { from: pair.from, to: pair.to, geometry, sides: Sides::One })
+        Some(Motion { from: pair.from, to: pair.to, geometry, sides: HorizonSides::One })
     };
     let motions = unless_stopped(used, motion, observer)?;
     if motions.is_empty() && !used.is_empty() {

@@ -21,7 +21,7 @@ pub(crate) struct PlaneStart {
     pub(crate) f: f64,
     /// The plane's normal in the reference's camera coordinates, unit length; its sign says nothing.
     pub(crate) normal: Vector3<f64>,
-    /// Sum of the squared residuals, each view's at most [`LOST`]².
+    /// Sum of the squared residuals, each view's at most [`OUTLIER_RESIDUAL`]².
     pub(crate) cost: f64,
 }
 
@@ -29,20 +29,20 @@ pub(crate) struct PlaneStart {
 const FOCAL_RANGE: (f64, f64) = (0.35, 15.0);
 const FOCAL_STEPS: usize = 24;
 /// Directions scanned on the half sphere of normals: 11 degrees apart.
-const NORMALS: usize = 160;
+const SCANNED_NORMALS: usize = 160;
 /// Best normals of each focal length that are refined.
 const NORMALS_REFINED: usize = 4;
 /// Length of a view's residual from which on it hardly counts: its homography is of another plane.
-const LOST: f64 = 0.3;
+const OUTLIER_RESIDUAL: f64 = 0.3;
 /// Solutions kept, at most.
-const MOST_STARTS: usize = 5;
+const MAX_STARTS: usize = 5;
 /// Solutions nearer than this (ln f, and radians of the normal) are one.
 const SAME_LN_F: f64 = 0.05;
 const SAME_NORMAL_RAD: f64 = 0.06;
 /// Step of numerical derivatives.
 const STEP: f64 = 1e-6;
 /// Focal lengths beyond this factor of the range are no solutions.
-const BEYOND: f64 = 2.0;
+const RANGE_MARGIN: f64 = 2.0;
 
 /// M = K⁻¹ H K with K = diag(f, f a, 1): the homography between camera coordinates of two views whose principal point is the frame's origin.
 pub(crate) fn in_camera_coordinates(h: &Matrix3<f64>, f: f64, aspect: f64) -> Matrix3<f64> {
@@ -58,7 +58,7 @@ pub(crate) fn plane_starts(from_reference: &[Matrix3<f64>], aspect: f64) -> Vec<
     }
     let problem = Triggs { from_reference, aspect };
     let (low, high) = FOCAL_RANGE;
-    let normals = half_sphere(NORMALS);
+    let normals = half_sphere(SCANNED_NORMALS);
     let mut found: Vec<PlaneStart> = Vec::new();
     for step in 0..FOCAL_STEPS {
         let f = low * (high / low).powf(step as f64 / (FOCAL_STEPS - 1) as f64);
@@ -71,7 +71,7 @@ pub(crate) fn plane_starts(from_reference: &[Matrix3<f64>], aspect: f64) -> Vec<
             let Some(out) = minimise(&problem, start, &options) else { continue };
             let State { ln_f, normal } = out.state;
             let f = ln_f.exp();
-            if (low / BEYOND..high * BEYOND).contains(&f) {
+            if (low / RANGE_MARGIN..high * RANGE_MARGIN).contains(&f) {
                 found.push(PlaneStart { f, normal, cost: 2.0 * out.cost });
             }
         }
@@ -83,7 +83,7 @@ pub(crate) fn plane_starts(from_reference: &[Matrix3<f64>], aspect: f64) -> Vec<
             (other.f / start.f).ln().abs() < SAME_LN_F
                 && other.normal.cross(&start.normal).norm() < SAME_NORMAL_RAD.sin()
         };
-        if distinct.len() < MOST_STARTS && !distinct.iter().any(same) {
+        if distinct.len() < MAX_STARTS && !distinct.iter().any(same) {
             distinct.push(start);
         }
     }
@@ -114,8 +114,8 @@ fn residual(form: &Matrix3<f64>, [u, v]: &[Vector3<f64>; 2]) -> [f64; 2] {
     let (a, b, c) = (u.dot(&(form * u)), v.dot(&(form * v)), u.dot(&(form * v)));
     let sum = (a + b).max(f64::MIN_POSITIVE);
     let (r, s) = ((a - b) / sum, 2.0 * c / sum);
-    // What is lost counts no more than `LOST` (Geman and McClure).
-    let shrunk = (1.0 + (r * r + s * s) / (LOST * LOST)).sqrt();
+    // What is lost counts no more than `OUTLIER_RESIDUAL` (Geman and McClure).
+    let shrunk = (1.0 + (r * r + s * s) / (OUTLIER_RESIDUAL * OUTLIER_RESIDUAL)).sqrt();
     [r / shrunk, s / shrunk]
 }
 

@@ -17,9 +17,9 @@ pub(crate) struct FixedPoint {
 }
 
 /// Most rounds.
-const ROUNDS: usize = 25;
-/// Relative change at which it rests.
-const RESTS: f64 = 1e-10;
+const MAX_ROUNDS: usize = 25;
+/// Relative change at which it has converged.
+const RELATIVE_TOLERANCE: f64 = 1e-10;
 
 /// The camera that, used to undo the given distortion, comes out again. `solve` gives the camera of matches undone by a lens.
 ///
@@ -33,7 +33,7 @@ pub(crate) fn fixed_point(
     let mut slope: f64 = 0.0;
     let mut last: Option<(f64, f64)> = None;
     let mut last_change = f64::INFINITY;
-    for _ in 0..ROUNDS {
+    for _ in 0..MAX_ROUNDS {
         let solved = solve(&lens)?;
         let (input, output) = (lens.intrinsics.fx.ln(), solved.fx.ln());
         if let Some((last_input, last_output)) = last
@@ -50,7 +50,7 @@ pub(crate) fn fixed_point(
         let factor = (input + step - output).exp();
         lens.intrinsics =
             Intrinsics { fx: solved.fx * factor, fy: solved.fy * factor, skew: solved.skew * factor, ..solved };
-        if last_change < RESTS {
+        if last_change < RELATIVE_TOLERANCE {
             break;
         }
     }

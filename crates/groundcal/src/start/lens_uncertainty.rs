@@ -10,7 +10,7 @@ use crate::{
 };
 
 /// A whole deviation may leave the range of the lens model: a step of a tenth, scaled.
-const PART: f64 = 0.1;
+const STEP_SIGMAS: f64 = 0.1;
 
 /// What the uncertainty of the lens, estimated or placed, adds to the covariance of (fx, fy, cx, cy, skew), pixels squared. `None`: it has
 /// none. `solve` gives the camera of matches undone by a lens.
@@ -55,8 +55,8 @@ fn added<const N: usize>(
     let root = n.cholesky().ok_or_else(failed)?.l();
     let mut total = SMatrix::<f64, 5, 5>::zeros();
     for column in root.column_iter() {
-        let step = SVector::<f64, N>::from_fn(|r, _| column[r] * PART);
-        let difference = (numbers(&moved(reference, &step))? - here) / PART;
+        let step = SVector::<f64, N>::from_fn(|r, _| column[r] * STEP_SIGMAS);
+        let difference = (numbers(&moved(reference, &step))? - here) / STEP_SIGMAS;
         total += difference * difference.transpose();
     }
     Ok(total)

@@ -1,7 +1,7 @@
 //! From plane-normal motions to the camera matrix with its covariance.
 //!
 //! Motions -> attitude groups -> weighted conic equations -> K (see [`crate::start::absolute_conic`]), repeated until the
-//! weights, which depend on K through the axis error, rest.
+//! weights, which depend on K through the axis error, no longer change.
 
 use nalgebra::SMatrix;
 
@@ -16,8 +16,7 @@ use crate::{
     remedy::Remedy,
     select::attitude_groups::{AttitudeGroup, Motion, group_attitudes_until, regroup},
     start::absolute_conic::{
-        ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, parameters_of, refine,
-        solve_linear,
+        ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, refine, solve_linear,
     },
 };
 
@@ -103,7 +102,7 @@ pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 
 impl CameraOptions {
     /// The priors in frame units.
-    pub fn priors(&self, frame: &Frame) -> Priors {
+    pub(crate) fn priors(&self, frame: &Frame) -> Priors {
         let mut priors = Priors::NONE;
         if self.constraint == Constraint::Auto {
             let principal_point = self.principal_point_sigma_px / frame.scale_px;
@@ -133,7 +132,7 @@ impl CameraOptions {
 
 impl CameraOptions {
     /// What the priors were and what the covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units, says they were worth.
-    pub fn prior_uses(&self, frame: &Frame, covariance: &SMatrix<f64, 5, 5>) -> Vec<PriorUse> {
+    pub(crate) fn prior_uses(&self, frame: &Frame, covariance: &SMatrix<f64, 5, 5>) -> Vec<PriorUse> {
         let scale = frame.scale_px;
         let origins = [0.0, 0.0, frame.origin_px.x, frame.origin_px.y, 0.0];
         let priors = self.priors(frame);
@@ -209,7 +208,7 @@ pub(crate) fn solve_camera_until(
     Ok(out)
 }
 
-/// Attitudes and degrees of freedom from which on the motions can tell how far the axis strays.
+/// Attitudes and degrees of freedom from which on the motions can tell how far the axis varies.
 const MIN_GROUPS_FOR_SIGMA: usize = 3;
 const MIN_DOF_FOR_SIGMA: usize = 4;
 
@@ -379,7 +378,7 @@ fn maximum_a_posteriori(points: &[WeightedPoint], options: &CameraOptions, prior
 ///
 /// # Errors
 /// [`Error::Undetermined`] naming what is not known, and how badly.
-pub fn check_certainty(
+pub(crate) fn check_certainty(
     covariance: &SMatrix<f64, 5, 5>,
     constraint: Constraint,
     groups: usize,
@@ -453,11 +452,6 @@ fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptio
         attitude_sigma_estimated: false,
         variance_inflation,
     }
-}
-
-/// The parameters of a camera matrix given in pixels, in frame units.
-pub fn parameters_in_frame(k: &Intrinsics, frame: &Frame) -> Parameters {
-    parameters_of(&frame.intrinsics_from_pixel(k))
 }
 
 #[cfg(test)]

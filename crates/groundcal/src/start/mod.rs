@@ -1,10 +1,19 @@
 //! Closed-form cameras that the refinement starts from.
 
-pub mod absolute_conic;
+pub(crate) mod absolute_conic;
 pub(crate) mod from_pairs;
 pub(crate) mod general_plane;
 pub(crate) mod given_lens;
 pub(crate) mod lens_uncertainty;
-pub mod linear_camera;
-pub mod rotating_camera;
-pub mod unweighted_camera;
+pub(crate) mod linear_camera;
+pub(crate) mod rotating_camera;
+pub(crate) mod unweighted_camera;
+
+pub use absolute_conic::{
+    Constraint, Parameters, Residual, WeightedPoint, intrinsics_of, parameters_of, residual, solve_unweighted,
+};
+pub use linear_camera::{
+    CameraOptions, CameraSolution, GivenPrior, PriorParameter, PriorUse, solve_camera, what_is_uncertain,
+};
+pub use rotating_camera::{RotatingOptions, RotatingSolution, Rotation, Weighting, calibrate_rotating};
+pub use unweighted_camera::solve_unweighted_with_covariance;

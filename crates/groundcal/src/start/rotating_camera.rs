@@ -97,12 +97,12 @@ pub struct RotatingSolution {
 }
 
 /// A homography of determinant one, frame coordinates, with the columns of a root of its covariance.
-struct Noisy {
+struct RotationHomography {
     h: Matrix3<f64>,
     noise: Vec<Matrix3<f64>>,
 }
 
-impl Noisy {
+impl RotationHomography {
     fn new(estimate: &HomographyEstimate) -> Option<Self> {
         let scale = estimate.in_frame.determinant().cbrt();
         let h = estimate.in_frame / scale;
@@ -206,12 +206,12 @@ pub fn calibrate_rotating(
     if homographies.iter().any(|h| h.frame != first.frame) {
         return Err(Error::InvalidInput("the homographies are given in different frames".into()));
     }
-    let rotations: Vec<Noisy> = homographies
+    let rotations: Vec<RotationHomography> = homographies
         .iter()
         .enumerate()
         .map(|(i, h)| {
             let unusable = || Error::InvalidInput(format!("homography {i} is not finite or has no covariance"));
-            Noisy::new(h).ok_or_else(unusable)
+            RotationHomography::new(h).ok_or_else(unusable)
         })
         .collect::<Result<_, _>>()?;
     let (parameters, signal_over_noise) = solve(&rotations, options)?;
@@ -219,7 +219,7 @@ pub fn calibrate_rotating(
 }
 
 /// The linear solution and the second weakest direction of its equations over noise.
-fn solve(rotations: &[Noisy], options: &RotatingOptions) -> Result<(Parameters, f64), Error> {
+fn solve(rotations: &[RotationHomography], options: &RotatingOptions) -> Result<(Parameters, f64), Error> {
     let constraint = options.constraint;
     let basis = constraint.basis(options.aspect);
     let reduce = |m: &SMatrix<f64, 6, 6>| basis.transpose() * DMatrix::from_fn(6, 6, |r, c| m[(r, c)]) * &basis;
@@ -277,7 +277,7 @@ fn conic(p: &Parameters) -> Matrix3<f64> {
 const ONE_AXIS_DEG: f64 = 3.0;
 
 /// Names the cause: no turn to speak of, one axis, or noise.
-fn undetermined(rotations: &[Noisy], p: &Parameters, ratio: f64, constraint: Constraint) -> Error {
+fn undetermined(rotations: &[RotationHomography], p: &Parameters, ratio: f64, constraint: Constraint) -> Error {
     let k = intrinsics_of(p);
     let seen: Vec<(Vector3<f64>, f64)> = rotations.iter().map(|r| axis_and_angle(&k, &r.h)).collect();
     let least_deg =
@@ -333,7 +333,7 @@ fn axis_and_angle(k: &Intrinsics, h: &Matrix3<f64>) -> (Vector3<f64>, f64) {
 
 /// Covariance, chi-squared and the numbers in pixels.
 fn finish(
-    rotations: &[Noisy],
+    rotations: &[RotationHomography],
     p: Parameters,
     signal_over_noise: f64,
     options: &RotatingOptions,

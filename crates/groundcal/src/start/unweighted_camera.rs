@@ -16,9 +16,9 @@ use crate::{
 };
 
 /// Part of a deviation by which a point is moved for the differences.
-const STEP: f64 = 0.05;
+const STEP_SIGMAS: f64 = 0.05;
 /// Added to each variance, so that a point known exactly has a root.
-const LEAST_VARIANCE: f64 = 1e-20;
+const MIN_VARIANCE: f64 = 1e-20;
 
 /// The solution from some circular points and its covariance to first order: (ln fx, ln fy/fx, cx, cy, skew), frame units; not finite
 /// where a twentieth of a deviation leads to no camera. `aspect` is fy / fx where the constraint holds it.
@@ -34,17 +34,17 @@ pub fn solve_unweighted_with_covariance(
     let p = solve_unweighted(&bare, constraint, aspect)?;
     let mut covariance = SMatrix::<f64, 5, 5>::zeros();
     for (i, WeightedPoint { point, covariance: of_point }) in points.iter().enumerate() {
-        let regular = of_point + Matrix4::from_diagonal_element(LEAST_VARIANCE);
+        let regular = of_point + Matrix4::from_diagonal_element(MIN_VARIANCE);
         let Some(root) = regular.cholesky() else { continue };
         for c in 0..4 {
-            let step: Vector4<f64> = root.l().column(c) * STEP;
+            let step: Vector4<f64> = root.l().column(c) * STEP_SIGMAS;
             let ends = [1.0, -1.0].map(|sign| {
                 bare[i] = point.moved(&(step * sign)).normalize();
                 solve_unweighted(&bare, constraint, aspect).ok()
             });
             bare[i] = point.point;
             let change = match ends {
-                [Some(up), Some(down)] => (up - down) / (2.0 * STEP),
+                [Some(up), Some(down)] => (up - down) / (2.0 * STEP_SIGMAS),
                 _ => Parameters::repeat(f64::INFINITY),
             };
             covariance += change * change.transpose();

@@ -1,5 +1,9 @@
 //! Point scenes with truth and the Cramér-Rao bound, deterministic by their seed.
 
-pub mod bound;
-pub mod plane_views;
-pub mod points;
+pub(crate) mod bound;
+pub(crate) mod plane_views;
+pub(crate) mod points;
+
+pub use bound::{HeightModel, cramer_rao_bound, plane_views_bound};
+pub use plane_views::{PlaneViewScene, PlaneViews};
+pub use points::{MotionSpec, NOMINAL_RANGE, PointScene, SyntheticPair, turning_pairs};

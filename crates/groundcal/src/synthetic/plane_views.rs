@@ -50,9 +50,9 @@ pub struct PlaneViews {
 }
 
 /// Part of the image's shorter half side that the plane fills, about.
-const FILLED: f64 = 0.8;
+const FILLED_FRACTION: f64 = 0.8;
 /// Fewest points of a pair.
-const FEWEST: usize = 6;
+const MIN_POINTS: usize = 6;
 
 impl PlaneViewScene {
     /// Eight views, tilted by up to 50 degrees, of 100 points with 0.3 px of noise: 1280 x 960, f = 1000.
@@ -102,7 +102,7 @@ impl PlaneViewScene {
                 let both = pixels[from].iter().zip(&pixels[to]);
                 let matches: Vec<PointMatch> =
                     both.filter_map(|(a, b)| Some(PointMatch { a: (*a)?, b: (*b)?, sigma_px: 1.0 })).collect();
-                if matches.len() >= FEWEST {
+                if matches.len() >= MIN_POINTS {
                     out.pairs.push(ImagePair { from, to, matches });
                 }
             }
@@ -117,7 +117,7 @@ impl PlaneViewScene {
         let side = between(rng, [0.0, std::f64::consts::TAU]);
         let turn = between(rng, self.turn_deg).to_radians();
         let shorter = 0.5 * self.size.width.min(self.size.height) as f64;
-        let distance = self.intrinsics.fx / (FILLED * shorter) * between(rng, [0.9, 1.6]);
+        let distance = self.intrinsics.fx / (FILLED_FRACTION * shorter) * between(rng, [0.9, 1.6]);
         let aim = Vector3::new(between(rng, [-0.2, 0.2]), between(rng, [-0.2, 0.2]), 0.0);
         let away = Vector3::new(tilt.sin() * side.cos(), tilt.sin() * side.sin(), tilt.cos());
         let z = -away;

@@ -78,7 +78,7 @@ fn heading(yaw_rad: f64) -> Vector3<f64> {
 }
 
 /// Nominal [`PointScene::reach`].
-pub const REACH: f64 = 30.0;
+pub const NOMINAL_RANGE: f64 = 30.0;
 
 /// A scene of points.
 #[derive(Debug, Clone, PartialEq)]
@@ -130,7 +130,7 @@ impl PointScene {
             matches: 200,
             sigma_px: 1.0,
             outlier_fraction: 0.0,
-            reach: REACH,
+            reach: NOMINAL_RANGE,
             seed,
         }
     }

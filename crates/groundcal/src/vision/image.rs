@@ -45,7 +45,7 @@ impl GrayImage {
     ///
     /// ```
     /// use std::sync::Arc;
-    /// use groundcal::{geometry::size::ImageSize, vision::{image::GrayImage, mask::Mask}};
+    /// use groundcal::{geometry::ImageSize, vision::{image::GrayImage, mask::Mask}};
     ///
     /// let size = ImageSize::new(4, 3);
     /// let upper_row = Mask::new(size, &(0..12).map(|i| i < 4).collect::<Vec<_>>()).expect("12 pixels");

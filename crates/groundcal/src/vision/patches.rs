@@ -41,7 +41,7 @@ pub struct PatchOptions {
     pub max_sigma_px: f64,
     /// Least correlation coefficient of template and matched patch.
     pub min_correlation: f64,
-    /// Deviation added to the predicted one (interpolation, aliasing, a floor that is not quite flat), in pixels.
+    /// Standard deviation added to the predicted one (interpolation, aliasing, a floor that is not quite flat), in pixels.
     pub model_sigma_px: f64,
 }
 
@@ -142,7 +142,7 @@ pub(crate) fn template_grid_until(
                 }
             }
         }
-        grid.extend(best.into_iter().flatten().filter(|(texture, _)| *texture > LEAST_TEXTURE).map(|(_, place)| place));
+        grid.extend(best.into_iter().flatten().filter(|(texture, _)| *texture > MIN_TEXTURE).map(|(_, place)| place));
     }
     Ok(grid)
 }
@@ -154,7 +154,7 @@ fn wholly_used(image: &GrayImage, x: f64, y: f64, options: &PatchOptions) -> boo
 
 /// Least eigenvalue of a template's sum of gradient products: below it the rounding to 8 bits alone moves a patch by a third of
 /// a pixel.
-const LEAST_TEXTURE: f64 = 1e-5;
+const MIN_TEXTURE: f64 = 1e-5;
 
 /// Sums of gradient products over the height of a template (every second row), running along the image.
 struct TextureLines {
@@ -279,13 +279,13 @@ impl LocalMap {
 
 /// Residual, in robust deviations, from which on a pixel counts less.
 const HUBER: f32 = 2.0;
-/// Steps for which the robust deviation is estimated; then it rests, so that the iteration settles.
+/// Steps for which the robust deviation is estimated; then it is held, so that the iteration converges.
 const SCALE_STEPS: usize = 4;
 /// White noise has this many times the variance that the spline leaves of it in a pixel; in sums over a patch it is all
 /// there, as neighbours are correlated.
-const SMOOTHED: f32 = 4.0;
-/// Shift in pixels of b below which the iteration has settled.
-const SETTLED_PX: f64 = 2e-3;
+const NOISE_AMPLIFICATION: f32 = 4.0;
+/// Shift in pixels of b below which the iteration has converged.
+const CONVERGENCE_PX: f64 = 2e-3;
 /// Values handled at once: enough for the compiler to fill vector registers.
 const LANES: usize = 8;
 
@@ -381,7 +381,7 @@ impl Workspace {
         let mut shift = Vector2::<f64>::zeros();
         let (mut gain, mut bias) = (1.0f32, 0.0f32);
         let mut limit = f32::INFINITY;
-        let mut settled = 0;
+        let mut converged_at = 0;
         for iteration in 1..=options.max_iterations {
             self.sample(b, base_index, (shift.x as f32, shift.y as f32));
             if iteration == 1 {
@@ -411,12 +411,12 @@ impl Workspace {
             if shift.amax().is_nan() || shift.amax() > options.max_shift_px {
                 return None;
             }
-            if iteration > 2 && moved.norm() < SETTLED_PX {
-                settled = iteration;
+            if iteration > 2 && moved.norm() < CONVERGENCE_PX {
+                converged_at = iteration;
                 break;
             }
         }
-        if settled == 0 {
+        if converged_at == 0 {
             return None;
         }
         let spread = self.spread(limit);
@@ -434,7 +434,7 @@ impl Workspace {
             jacobian,
             correlation: f64::from(correlation),
             gain: f64::from(gain),
-            iterations: settled,
+            iterations: converged_at,
         })
     }
 
@@ -616,7 +616,7 @@ impl Workspace {
         let slope = (within / n).max(0.1);
         Spread {
             weighted_variance: weighted / weights,
-            noise_variance: SMOOTHED * squares / (n - 4.0).max(1.0) / (slope * slope),
+            noise_variance: NOISE_AMPLIFICATION * squares / (n - 4.0).max(1.0) / (slope * slope),
         }
     }
 }

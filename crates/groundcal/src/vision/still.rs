@@ -10,7 +10,7 @@
 //!
 //! c_i is the mean correlation of image i with the n - 1 others at the same place. It needs one pass over the images, no features and no pairs, and
 //! gain and offset of the exposure fall out. What stands still has a c_i of the fraction of the detail's variance that is not noise; what
-//! moves has none (see `LEAST_CORRELATION`).
+//! moves has none (see `MIN_CORRELATION`).
 
 use std::sync::Arc;
 
@@ -36,23 +36,23 @@ const MAX_PIXELS: usize = 1_500_000;
 /// Side of a cell, pixels.
 const CELL: usize = 8;
 /// Cells to either side that judge together.
-const NEAR: usize = 1;
+const NEIGHBOURHOOD_CELLS: usize = 1;
 /// Root mean square of a cell's detail from which on there is something to see: half the least response of a feature (|D| of 0.01 / 2 / 3
 /// scales in an octave), four times what rounding to 8 bits leaves of noise in it.
-const LEAST_DETAIL: f32 = 0.5 * 0.01 / 6.0;
+const MIN_DETAIL: f32 = 0.5 * 0.01 / 6.0;
 /// Mean correlation from which on a place stands still: half of what is seen there is common to all images. Measured, least over the images
 /// as it is used: in twelve sets of 6 to 24 pictures, rendered and photographed, in which nothing stands still, 99.9 % of the cells lie below
 /// 0.06 and the highest at 0.12; before a wall that stands still behind a turntable half of them lie above 0.97.
-const LEAST_CORRELATION: f32 = 0.5;
+const MIN_CORRELATION: f32 = 0.5;
 /// One image in so many may show something else at a place: somebody passed by.
-const EXCEPTIONS: usize = 10;
+const IMAGES_PER_EXCEPTION: usize = 10;
 /// Fewest cells of a thing that are no edge: one neighbourhood. Less is the axis of a turn seen in the picture, which stands still as well.
-const MIN_CELLS: usize = (2 * NEAR + 1) * (2 * NEAR + 1);
+const MIN_CELLS: usize = (2 * NEIGHBOURHOOD_CELLS + 1) * (2 * NEIGHBOURHOOD_CELLS + 1);
 /// Ratio of principal curvatures from which on features count as edges, and are left out. A still edge alone is no still thing: the horizon
 /// of a camera that pans lies where it lay, whatever is seen there.
 const EDGE_RATIO: f32 = 10.0;
 /// Least fraction of the picture in which detail moves. With less nothing moved, and pairs say so.
-const LEAST_MOVING: f64 = 0.01;
+const MIN_MOVING: f64 = 0.01;
 
 /// What stands still in all images.
 #[derive(Debug, Clone, PartialEq)]
@@ -99,7 +99,7 @@ pub fn still_parts(images: &[GrayImage], observer: &dyn Observer) -> Result<Opti
     let still = with_corners(standing(&all, &seen, grid), &all, grid);
     let (places, count) = (seen.iter().filter(|s| **s).count(), still.iter().filter(|s| **s).count());
     let moving = (places - count) as f64 / grid.cells() as f64;
-    if count == 0 || moving < LEAST_MOVING {
+    if count == 0 || moving < MIN_MOVING {
         return Ok(None);
     }
     let around = grid.widened(&still);
@@ -143,9 +143,9 @@ impl Grid {
     /// The cell and those about it.
     fn about(self, cell: usize) -> impl Iterator<Item = usize> {
         let (x, y) = (cell % self.columns, cell / self.columns);
-        let rows = y.saturating_sub(NEAR)..(y + NEAR + 1).min(self.rows);
+        let rows = y.saturating_sub(NEIGHBOURHOOD_CELLS)..(y + NEIGHBOURHOOD_CELLS + 1).min(self.rows);
         rows.flat_map(move |y| {
-            let columns = x.saturating_sub(NEAR)..(x + NEAR + 1).min(self.columns);
+            let columns = x.saturating_sub(NEIGHBOURHOOD_CELLS)..(x + NEIGHBOURHOOD_CELLS + 1).min(self.columns);
             columns.map(move |x| y * self.columns + x)
         })
     }
@@ -191,7 +191,7 @@ impl Detail {
             let length = values.iter().map(|v| v * v).sum::<f32>().sqrt();
             let centre = |from: usize| ((from + CELL / 2) * pixel_px) as f64;
             let reach = (CELL / 2 * pixel_px) as f64;
-            *is_seen = length > LEAST_DETAIL * CELL as f32 && image.used_about(centre(x0), centre(y0), reach) >= 1.0;
+            *is_seen = length > MIN_DETAIL * CELL as f32 && image.used_about(centre(x0), centre(y0), reach) >= 1.0;
             let scale = if *is_seen { 1.0 / length } else { 0.0 };
             values.iter_mut().for_each(|v| *v *= scale);
         }
@@ -201,7 +201,7 @@ impl Detail {
 
 /// Cells that have detail in all images, but for the exceptions.
 fn with_detail(all: &[Detail]) -> Vec<bool> {
-    let needed = all.len() - all.len() / EXCEPTIONS;
+    let needed = all.len() - all.len() / IMAGES_PER_EXCEPTION;
     (0..all[0].is_seen.len()).map(|cell| all.iter().filter(|d| d.is_seen[cell]).count() >= needed).collect()
 }
 
@@ -223,12 +223,12 @@ fn standing(all: &[Detail], seen: &[bool], grid: Grid) -> Vec<bool> {
         let agrees = |cell: usize| {
             let (sum, count) =
                 grid.about(cell).filter(|&c| seen[c]).fold((0.0, 0), |(sum, count), c| (sum + single[c], count + 1));
-            seen[cell] && sum >= LEAST_CORRELATION * count as f32
+            seen[cell] && sum >= MIN_CORRELATION * count as f32
         };
         (0..seen.len()).map(agrees).collect()
     };
     let agreeing: Vec<Vec<bool>> = all.par_iter().map(agreeing).collect();
-    let needed = n - n / EXCEPTIONS;
+    let needed = n - n / IMAGES_PER_EXCEPTION;
     let still: Vec<bool> = (0..seen.len()).map(|cell| agreeing.iter().filter(|a| a[cell]).count() >= needed).collect();
     let count = still.iter().filter(|s| **s).count();
     let in_all = agreeing

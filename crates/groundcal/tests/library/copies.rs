@@ -2,9 +2,9 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    pairs::correspondence::{ImagePair, PointMatch},
+    pairs::{ImagePair, PointMatch},
     result::{Calibration, Parameter, Warning},
-    synthetic::points::PointScene,
+    synthetic::PointScene,
 };
 
 fn calibrate(scene: &PointScene, pairs: &[ImagePair]) -> Calibration {

@@ -4,16 +4,10 @@
 use groundcal::{
     calibrate::{LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{frame::Frame, intrinsics::Intrinsics},
-    pairs::{
-        correspondence::ImagePair,
-        refine::{HomographyEstimate, RefineOptions, refine},
-    },
-    start::{
-        absolute_conic::Constraint,
-        rotating_camera::{RotatingOptions, Weighting, calibrate_rotating},
-    },
-    synthetic::points::{MotionSpec, PointScene},
+    geometry::{Frame, Intrinsics},
+    pairs::{HomographyEstimate, ImagePair, RefineOptions, refine},
+    start::{Constraint, RotatingOptions, Weighting, calibrate_rotating},
+    synthetic::{MotionSpec, PointScene},
 };
 
 /// Pans of 20 degrees about a vertical axis through the optical centre, one at each elevation; 0.5 px, 200 matches, pixels square, the

@@ -2,11 +2,11 @@
 
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    geometry::{intrinsics::Intrinsics, size::ImageSize},
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics},
+    pairs::{ImagePair, PointMatch},
     result::Camera,
-    start::absolute_conic::Constraint,
-    synthetic::points::{MotionSpec, PointScene},
+    start::Constraint,
+    synthetic::{MotionSpec, PointScene},
 };
 
 /// The general camera that each constraint allows; the principal point is held at the given place.

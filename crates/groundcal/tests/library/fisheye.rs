@@ -3,20 +3,11 @@
 use groundcal::{
     calibrate::{LensModel, Method, MotionModel, Options, calibrate_matches},
     error::Error,
-    geometry::{
-        camera::Camera,
-        constraint::Constraint,
-        intrinsics::Intrinsics,
-        lens::{Fisheye, Lens},
-        size::ImageSize,
-    },
+    geometry::{Camera, Constraint, Fisheye, ImageSize, Intrinsics, Lens},
     observer::Silent,
-    pairs::correspondence::ImagePair,
+    pairs::ImagePair,
     result::{Calibration, LensSource, Parameter, Warning},
-    synthetic::{
-        plane_views::PlaneViewScene,
-        points::{MotionSpec, PointScene},
-    },
+    synthetic::{MotionSpec, PlaneViewScene, PointScene},
 };
 
 const SIZE: ImageSize = ImageSize { width: 1000, height: 1000 };

@@ -2,11 +2,11 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    floor::view::FloorView,
-    geometry::lens::Lens,
-    pairs::correspondence::ImagePair,
+    floor::FloorView,
+    geometry::Lens,
+    pairs::ImagePair,
     result::{Calibration, ViewParameter},
-    synthetic::points::PointScene,
+    synthetic::PointScene,
 };
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
 use rayon::prelude::*;
@@ -48,7 +48,7 @@ fn poses_horizons_and_distances_are_within_their_error_bars() {
                 errors.push((2, (position[1] - shift.y) / sigma[1]));
 
                 let attitude = &c.attitudes[second.attitude.expect("an attitude")];
-                let up = groundcal::geometry::attitude::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
+                let up = groundcal::geometry::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
                 let line = scene.intrinsics.inverse_matrix().transpose() * up;
                 let line = line / line.xy().norm();
                 let [a, b, offset] = attitude.horizon_px.expect("finite");

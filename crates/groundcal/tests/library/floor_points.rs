@@ -4,19 +4,12 @@ use std::sync::OnceLock;
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    floor::{
-        points::{FloorPoint, MeasuringView},
-        scale::{KnownDistance, with_floor_distance},
-        view::FloorView,
-    },
-    geometry::{
-        intrinsics::Intrinsics,
-        lens::{Lens, Radtan},
-    },
-    pairs::correspondence::ImagePair,
+    floor::{FloorPoint, FloorView, KnownDistance, MeasuringView, with_floor_distance},
+    geometry::{Intrinsics, Lens, Radtan},
+    pairs::ImagePair,
     result::Calibration,
-    start::linear_camera::{GivenPrior, PriorParameter},
-    synthetic::points::PointScene,
+    start::{GivenPrior, PriorParameter},
+    synthetic::PointScene,
 };
 use nalgebra::Vector2;
 use rand::{RngExt, SeedableRng};
@@ -30,7 +23,7 @@ const POINTING_PX: f64 = 0.5;
 /// Of 500 intervals of 95 %: 93 to 97 %.
 const HELD: std::ops::RangeInclusive<usize> = 465..=485;
 
-/// How far views stray in tilt and height, which is also said.
+/// How far views vary in tilt and height, which is also said.
 const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 const HEIGHT_SIGMA: f64 = 0.002;
 /// Of k1 and k2: lenses are drawn from what is said of them.
@@ -66,7 +59,7 @@ fn trial(seed: u64) -> Trial {
     let lens =
         Lens::Radtan(Radtan::new([normal(LENS_SIGMA[0]), normal(LENS_SIGMA[1]), normal(0.001), normal(0.001), 0.0]));
     let mut scene = PointScene { intrinsics, lens, sigma_px: 0.5, matches: 100, ..nominal };
-    // Each view strays from what its attitude's have in common: the second of a motion from the first by both.
+    // Each view varies from what its attitude's have in common: the second of a motion from the first by both.
     let both = 2f64.sqrt();
     for m in &mut scene.motions {
         // A roll is about the optical axis, of which the part along the floor tilts the camera.

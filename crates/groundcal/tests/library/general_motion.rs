@@ -3,10 +3,10 @@
 use groundcal::{
     calibrate::{LensModel, MotionModel, Options, calibrate_matches},
     error::Error,
-    geometry::{constraint::Constraint, intrinsics::Intrinsics, lens::Lens},
+    geometry::{Constraint, Intrinsics, Lens},
     observer::Silent,
     result::{Calibration, MotionKind, Parameter},
-    synthetic::{bound::plane_views_bound, plane_views::PlaneViewScene},
+    synthetic::{PlaneViewScene, plane_views_bound},
 };
 use rayon::prelude::*;
 

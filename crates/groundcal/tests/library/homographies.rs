@@ -1,14 +1,10 @@
 //! Accuracy of the robust homography: median transfer error against the same refinement on the true inliers.
 
 use groundcal::{
-    geometry::{frame::Frame, homography::Homography},
-    numerics::statistics::median,
-    pairs::{
-        correspondence::PointMatch,
-        refine::{RefineOptions, refine},
-        robust::{RobustOptions, estimate_robust},
-    },
-    synthetic::points::{PointScene, SyntheticPair},
+    geometry::{Frame, Homography},
+    numerics::median,
+    pairs::{PointMatch, RefineOptions, RobustOptions, estimate_robust, refine},
+    synthetic::{PointScene, SyntheticPair},
 };
 use nalgebra::Vector2;
 use rayon::prelude::*;

@@ -5,11 +5,11 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    geometry::{intrinsics::Intrinsics, size::ImageSize},
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics},
+    pairs::{ImagePair, PointMatch},
     result::{Calibration, Parameter},
-    start::absolute_conic::Constraint,
-    synthetic::points::{MotionSpec, PointScene},
+    start::Constraint,
+    synthetic::{MotionSpec, PointScene},
 };
 use nalgebra::Vector2;
 use proptest::{prelude::*, test_runner::RngSeed};

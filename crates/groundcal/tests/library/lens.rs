@@ -2,11 +2,11 @@
 
 use groundcal::{
     calibrate::{Options, calibrate_matches},
-    geometry::lens::{Lens, Radtan},
+    geometry::{Lens, Radtan},
     observer::Silent,
-    pairs::correspondence::ImagePair,
+    pairs::ImagePair,
     result::{Calibration, Parameter},
-    synthetic::points::{MotionSpec, PointScene},
+    synthetic::{MotionSpec, PointScene},
 };
 
 /// Six motions of as many attitudes.

@@ -1,21 +1,15 @@
 //! Error bars promised before any picture is taken, against the errors the calibration then makes: seeded trials whose cameras, axes
-//! and heights stray as the plan assumed.
+//! and heights vary as the plan assumed.
 
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{
-        attitude::{angles_from_rotation, attitude_rotation, yaw_rotation},
-        intrinsics::Intrinsics,
-        lens::{Lens, Radtan},
-        plane_view::View,
-        size::ImageSize,
-    },
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics, Lens, Radtan, View, angles_from_rotation, attitude_rotation, yaw_rotation},
+    pairs::{ImagePair, PointMatch},
     plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start},
     result::{Calibration, Parameter, PriorParameter, Warning},
-    start::absolute_conic::Constraint,
-    synthetic::points::{MotionSpec, PointScene},
+    start::Constraint,
+    synthetic::{MotionSpec, PointScene},
 };
 use nalgebra::{Rotation3, Vector3};
 use rand::SeedableRng;
@@ -218,7 +212,7 @@ fn show(plan: &Plan) {
     }
 }
 
-/// How far axes and heights stray, told to the calibration, which otherwise estimates it.
+/// How far axes and heights vary, told to the calibration, which otherwise estimates it.
 fn told(calibration: Options) -> Options {
     Options {
         attitude_sigma_deg: Some(calibration.attitude_sigma_deg.unwrap_or(0.1)),
@@ -243,7 +237,7 @@ fn achieves(name: &str, options: &PlanOptions) {
             .collect();
         compare(name, &errors, &predicted(&last))
     };
-    let all = ratios(&format!("{name}, strays told"), &told(options.calibration.clone()));
+    let all = ratios(&format!("{name}, errors told"), &told(options.calibration.clone()));
     let untold = Options { attitude_sigma_deg: None, height_sigma: None, ..options.calibration.clone() };
     let by_default = ratios(name, &untold);
     assert!(all.iter().chain(&by_default[..1]).all(|r| (r - 1.0).abs() < 0.15), "{all:.3?} {by_default:.3?}");
@@ -331,9 +325,9 @@ fn after_two_motions(name: &str, calibration: Options) -> [f64; 5] {
 
 #[test]
 fn the_motion_proposed_after_a_calibration_achieves_what_was_predicted() {
-    let ratios = after_two_motions("after two motions, strays told", told(Options::default()));
+    let ratios = after_two_motions("after two motions, errors told", told(Options::default()));
     assert!(ratios.iter().all(|r| (r - 1.0).abs() < 0.15), "{ratios:.3?}");
-    // Two motions alone hardly tell how far heights stray, so that their error bars are wide and the promise is careful; f keeps to it.
+    // Two motions alone hardly tell how far heights vary, so that their error bars are wide and the promise is careful; f keeps to it.
     let ratios = after_two_motions("after two motions", Options::default());
     assert!((ratios[0] - 1.0).abs() < 0.15, "{ratios:.3?}");
 }

@@ -3,10 +3,10 @@
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{intrinsics::Intrinsics, size::ImageSize},
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics},
+    pairs::{ImagePair, PointMatch},
     result::{Calibration, Parameter, PriorParameter, Warning},
-    synthetic::points::{MotionSpec, PointScene},
+    synthetic::{MotionSpec, PointScene},
 };
 use nalgebra::Vector2;
 
@@ -138,14 +138,14 @@ fn a_motion_that_tilted_is_named_and_widens_no_other() {
         let right = calibrate_named(&scene);
         scene.motions[2].attitude_error_rad = tilt_deg.map(f64::to_radians);
         let c = calibrate_named(&scene);
-        let strays = |c: &Calibration| {
-            let of = |w: &Warning| matches!(w, Warning::MotionStrays { from, .. } if from == "4").then_some(());
+        let counts = |c: &Calibration| {
+            let of = |w: &Warning| matches!(w, Warning::MotionAttitudeError { from, .. } if from == "4").then_some(());
             (
                 c.warnings.iter().filter_map(of).count(),
                 c.warnings.iter().filter(|w| w.code() == "motion_strays").count(),
             )
         };
-        // Kept with an attitude of its own it cannot tell less than left out; weights rest to a few per cent.
+        // Kept with an attitude of its own it cannot tell less than left out; weights converge to a few per cent.
         scene.motions.remove(2);
         let others = calibrate_named(&scene);
         let [sigma, most] = [&c, &others].map(|c| c.standard_deviation(Parameter::Fx).expect("estimated"));
@@ -155,11 +155,11 @@ fn a_motion_that_tilted_is_named_and_widens_no_other() {
             "{tilt_deg:?} degrees: fx {:.2} +- {sigma:.3} ({most:.3} without), attitudes {sigma_a:.3} ({most_a:.3}), {off:.1} deviations off at most",
             c.camera.fx
         );
-        assert_eq!(strays(&right), (0, 0));
+        assert_eq!(counts(&right), (0, 0));
         assert!(off < 3.9, "{off} deviations");
         // Seven tenths of a degree may be one of the deviations of all, which then hold it.
         if tilt_deg[0].hypot(tilt_deg[1]) >= 1.0 {
-            assert_eq!(strays(&c), (1, 1), "{tilt_deg:?}");
+            assert_eq!(counts(&c), (1, 1), "{tilt_deg:?}");
             assert!(sigma < 1.05 * most && sigma_a < 1.05 * most_a, "{sigma} for {most}, {sigma_a} for {most_a}");
         }
     }

@@ -3,19 +3,12 @@
 use groundcal::{
     calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches},
     error::Error,
-    geometry::{
-        frame::Frame,
-        intrinsics::Intrinsics,
-        lens::{Division, Lens},
-    },
-    numerics::linalg::{ComplexPoint, complex_pair_eigen},
-    pairs::{
-        correspondence::{ImagePair, PointMatch},
-        dlt::direct_linear_transformation,
-    },
+    geometry::{Division, Frame, Intrinsics, Lens},
+    numerics::{ComplexPoint, complex_pair_eigen},
+    pairs::{ImagePair, PointMatch, direct_linear_transformation},
     result::Calibration,
-    start::absolute_conic::{Constraint, intrinsics_of, solve_unweighted},
-    synthetic::points::PointScene,
+    start::{Constraint, intrinsics_of, solve_unweighted},
+    synthetic::PointScene,
 };
 use rayon::prelude::*;
 

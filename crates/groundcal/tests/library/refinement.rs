@@ -1,27 +1,18 @@
-//! The joint refinement against truth: exact data, the Cramér-Rao bound, full turns, panoramas, screw motions, axes that stray.
+//! The joint refinement against truth: exact data, the Cramér-Rao bound, full turns, panoramas, screw motions, axes that vary.
 
 use groundcal::{
     calibrate::{LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{
-        attitude::{attitude_rotation, rotation_cam_from_world},
-        frame::Frame,
-        intrinsics::Intrinsics,
-        lens::Lens,
-        size::ImageSize,
-    },
-    numerics::levenberg_marquardt::LmOptions,
-    pairs::correspondence::ImagePair,
+    geometry::{Frame, ImageSize, Intrinsics, Lens, attitude_rotation, rotation_cam_from_world},
+    numerics::LmOptions,
+    pairs::ImagePair,
     refine::{
         BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
         Track, adjust,
     },
     result::Calibration,
-    start::absolute_conic::Constraint,
-    synthetic::{
-        bound::{HeightModel, cramer_rao_bound},
-        points::{MotionSpec, PointScene, turning_pairs},
-    },
+    start::Constraint,
+    synthetic::{HeightModel, MotionSpec, PointScene, cramer_rao_bound, turning_pairs},
 };
 use nalgebra::{Matrix3, Vector2};
 use rand::SeedableRng;
@@ -252,7 +243,7 @@ fn the_stated_covariance_is_the_cramer_rao_bound() {
             scene.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
         let bound = cramer_rao_bound(&scene.intrinsics, &motions, scene.sigma_px, Constraint::ZeroSkew, model)
             .expect("determined");
-        // The noise is estimated; the weights rest when it agrees with them to half a per cent.
+        // The noise is estimated; the weights have converged when it agrees with them to half a per cent.
         let noise = found.variance_factors[Kind::Point as usize];
         let student = found.degrees_of_freedom / (found.degrees_of_freedom - 2.0);
         let ln_fx = found.cameras[0].covariance[(0, 0)] / (noise * student);

@@ -4,8 +4,8 @@
 //! The bound comes from a model of its own (Euclidean points, angles) by central differences, nothing eliminated.
 
 use groundcal::{
-    geometry::{attitude::rotation_cam_from_world, frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    numerics::levenberg_marquardt::LmOptions,
+    geometry::{Frame, ImageSize, Intrinsics, Lens, rotation_cam_from_world},
+    numerics::LmOptions,
     refine::{
         Bundle, BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, RigPose,
         SceneModel, State, Track, adjust,

@@ -3,11 +3,11 @@
 use groundcal::{
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     error::Error,
-    geometry::{intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    pairs::correspondence::ImagePair,
+    geometry::{ImageSize, Intrinsics, Lens},
+    pairs::ImagePair,
     result::{Calibration, LensSource, Scene},
-    start::absolute_conic::Constraint,
-    synthetic::points::{MotionSpec, PointScene, turning_pairs},
+    start::Constraint,
+    synthetic::{MotionSpec, PointScene, turning_pairs},
 };
 use nalgebra::{Matrix3, Rotation3, Vector3};
 

@@ -2,12 +2,8 @@
 
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
-    geometry::{
-        intrinsics::Intrinsics,
-        plane_view::{View, project},
-        size::ImageSize,
-    },
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics, View, project},
+    pairs::{ImagePair, PointMatch},
 };
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};

@@ -4,11 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use groundcal::{
-    geometry::{frame::Frame, size::ImageSize},
-    pairs::{
-        correspondence::PointMatch,
-        robust::{RobustHomography, RobustOptions, estimate_robust},
-    },
+    geometry::{Frame, ImageSize},
+    pairs::{PointMatch, RobustHomography, RobustOptions, estimate_robust},
     vision::{
         features::{FeatureOptions, MatchOptions, detect, match_features},
         image::GrayImage,

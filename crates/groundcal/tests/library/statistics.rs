@@ -2,12 +2,9 @@
 
 use groundcal::{
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    pairs::correspondence::ImagePair,
-    start::absolute_conic::Constraint,
-    synthetic::{
-        bound::{HeightModel, cramer_rao_bound},
-        points::PointScene,
-    },
+    pairs::ImagePair,
+    start::Constraint,
+    synthetic::{HeightModel, PointScene, cramer_rao_bound},
 };
 use rayon::prelude::*;
 

@@ -15,9 +15,9 @@ use std::{
 use groundcal::{
     calibrate::{Observer, Options, Stage, calibrate_images, calibrate_matches},
     error::Error,
-    geometry::size::ImageSize,
-    pairs::correspondence::ImagePair,
-    synthetic::points::PointScene,
+    geometry::ImageSize,
+    pairs::ImagePair,
+    synthetic::PointScene,
     vision::image::GrayImage,
 };
 

@@ -2,10 +2,10 @@
 
 use groundcal::{
     calibrate::{MotionModel, Options, Silent, calibrate_matches},
-    geometry::{attitude::rotation_cam_from_world, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
-    pairs::correspondence::{ImagePair, PointMatch},
+    geometry::{ImageSize, Intrinsics, Lens, rotation_cam_from_world},
+    pairs::{ImagePair, PointMatch},
     result::{Calibration, Verdict, VerdictLevel},
-    synthetic::points::{MotionSpec, PointScene, turning_pairs},
+    synthetic::{MotionSpec, PointScene, turning_pairs},
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -136,7 +136,7 @@ fn motions_about_axes_far_off_the_normal_are_no_answer() {
         // Some come right once the two worst of the ten are left out; the others are refused for what is wrong with them.
         if let Err(error) = calibrated(0.25, seed) {
             assert!(
-                error.is_degenerate() && error.to_string().contains("its attitude would stray by"),
+                error.is_degenerate() && error.to_string().contains("its attitude would vary by"),
                 "{seed}: {error}"
             );
             refused += 1;

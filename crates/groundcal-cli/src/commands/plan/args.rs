@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    geometry::size::ImageSize,
-    plan::{carriers::Carrier, request::MAX_MOTIONS},
-    start::linear_camera::GivenPrior,
+    geometry::ImageSize,
+    plan::{Carrier, MAX_MOTIONS},
+    start::GivenPrior,
 };
 
 use crate::args::{ConstraintArg, DistortionArg, OverwriteArg, parse_point, parse_prior, parse_size};
@@ -101,7 +101,7 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub(crate) attitude_sigma_deg: Option<f64>,
 
-    /// How far its height strays, relative standard deviation [default: 0.001; drone 0.02; after a calibration: as there]
+    /// How far its height varies, relative standard deviation [default: 0.001; drone 0.02; after a calibration: as there]
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) height_sigma: Option<f64>,
 

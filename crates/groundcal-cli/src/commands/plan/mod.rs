@@ -5,10 +5,7 @@ mod args;
 use std::fmt::Write;
 
 use clap::ValueEnum;
-use groundcal::plan::{
-    report::PlanReport,
-    request::{PlanRequest, RequestError},
-};
+use groundcal::plan::{PlanReport, PlanRequest, RequestError};
 use groundcal_io::{import::groundcal_json, outputs::Request};
 use groundcal_report::{number::short, plan};
 

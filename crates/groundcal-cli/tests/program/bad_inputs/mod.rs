@@ -41,7 +41,7 @@ const NEVER: [&str; 19] = [
     "internal numerical failure",
 ];
 /// Characters of a line of a message.
-const LONGEST_LINE: usize = 1200;
+const MAX_LINE: usize = 1200;
 
 fn run(files: &Files, case: &Case, json: bool) -> (Output, String) {
     let out = tempfile::tempdir().unwrap();
@@ -75,7 +75,7 @@ fn check(files: &Files, case: &Case) {
     }
     let unseen = |c: char| (c.is_control() && c != '\n') || c == '\u{202e}';
     assert!(!text.contains(unseen), "control characters: {told:?}");
-    assert!(text.lines().all(|line| line.chars().count() < LONGEST_LINE), "endless: {told}");
+    assert!(text.lines().all(|line| line.chars().count() < MAX_LINE), "endless: {told}");
     if case.code != 0 && case.has_json() {
         check_json(files, case, &stderr);
     }

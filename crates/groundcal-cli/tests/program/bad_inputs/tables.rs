@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use groundcal::synthetic::points::{MotionSpec, PointScene};
+use groundcal::synthetic::{MotionSpec, PointScene};
 
 use crate::common::{matches_csv, tracks_csv};
 

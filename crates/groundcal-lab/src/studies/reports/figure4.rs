@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use groundcal::start::absolute_conic::Constraint;
+use groundcal::start::Constraint;
 use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style};
 
 use crate::{

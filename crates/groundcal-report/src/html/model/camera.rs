@@ -1,8 +1,8 @@
 //! The camera's numbers with their error bars, and what determined each: the images or what was assumed.
 
 use groundcal::{
-    geometry::lens::Lens,
-    numerics::statistics::NORMAL_95,
+    geometry::Lens,
+    numerics::NORMAL_95,
     result::{Calibration, Parameter, PriorParameter},
 };
 use serde::Serialize;

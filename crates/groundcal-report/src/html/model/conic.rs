@@ -6,12 +6,9 @@
 //! well the attitudes together determine each combination of them, whatever the noise.
 
 use groundcal::{
-    geometry::{
-        attitude::{attitude_rotation, up_in_camera},
-        frame::Frame,
-    },
+    geometry::{Frame, attitude_rotation, up_in_camera},
     result::{AttitudeReport, Calibration, Parameter},
-    start::absolute_conic::{parameters_of, residual},
+    start::{parameters_of, residual},
 };
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use serde::Serialize;

@@ -1,6 +1,6 @@
 //! The floor: where the views are, where they look and what they see of it.
 
-use groundcal::{floor::view::FloorView, result::Calibration};
+use groundcal::{floor::FloorView, result::Calibration};
 use serde::Serialize;
 
 /// Views that common points connect, seen from above.
@@ -31,7 +31,7 @@ pub(crate) struct FloorPose {
 }
 
 /// Farther floor is not drawn, in camera heights.
-pub(crate) const FARTHEST: f64 = 6.0;
+pub(crate) const DRAWN_RANGE_HEIGHTS: f64 = 6.0;
 
 /// Connected sets of views in the order of their origins.
 pub(crate) fn maps(c: &Calibration) -> Vec<FloorMap> {
@@ -49,7 +49,11 @@ pub(crate) fn maps(c: &Calibration) -> Vec<FloorMap> {
             yaw_deg: v.yaw_deg,
             yaw_sigma_deg: v.yaw_sigma_deg,
             heading: heading.into(),
-            seen: view.seen_floor(c.camera.size(), FARTHEST * position[2]).iter().map(|p| (*p).into()).collect(),
+            seen: view
+                .seen_floor(c.camera.size(), DRAWN_RANGE_HEIGHTS * position[2])
+                .iter()
+                .map(|p| (*p).into())
+                .collect(),
         };
         match maps.iter_mut().find(|m| m.origin == v.origin) {
             Some(map) => map.views.push(pose),

@@ -1,14 +1,11 @@
 //! Motions: matches accepted and rejected, where the rejected ones gather, the part of the floor that both images see.
 
 use groundcal::{
-    floor::view::{FloorGrid, FloorView},
-    geometry::{homography::Homography, plane_view::View, size::ImageSize},
-    numerics::graph::components,
+    floor::{FloorGrid, FloorView},
+    geometry::{Homography, ImageSize, View},
+    numerics::components,
     remedy::Wording,
-    result::{
-        Calibration, MotionReport,
-        evidence::{Evidence, PairEvidence},
-    },
+    result::{Calibration, Evidence, MotionReport, PairEvidence},
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rayon::prelude::*;
@@ -26,7 +23,7 @@ pub(crate) struct Motion {
     pub(crate) used: bool,
     pub(crate) reason: Option<String>,
     pub(crate) rotation_deg: Option<f64>,
-    pub(crate) rho: Option<f64>,
+    pub(crate) height_ratio: Option<f64>,
     /// Matches on the floor and off it, features and patches together; patches not found again.
     pub(crate) accepted: usize,
     pub(crate) rejected: usize,
@@ -118,7 +115,7 @@ impl OverlayMap {
         match view {
             // The horizon is in the image.
             Some(view) if seen.len() < border.len() => {
-                let far = OUTLINE_FARTHEST * view.centre().z;
+                let far = OUTLINE_RANGE_HEIGHTS * view.centre().z;
                 view.seen_floor(size, far).iter().map(|p| self.grid.pixel_from_floor(p).into()).collect()
             }
             _ => seen,
@@ -145,14 +142,14 @@ const UNUSED_SHOWN: usize = 6;
 /// Longer side of an overlay in pixels.
 pub(crate) const OVERLAY_PX: f64 = 460.0;
 /// How far floor is laid out, in camera heights.
-const OVERLAY_FARTHEST: f64 = 8.0;
+const OVERLAY_RANGE_HEIGHTS: f64 = 8.0;
 /// Floor beyond this lies outside every overlay, in camera heights.
-const OUTLINE_FARTHEST: f64 = 40.0;
+const OUTLINE_RANGE_HEIGHTS: f64 = 40.0;
 /// Nearest neighbours looked at of a rejected match; how many of them must be rejected too, and by how many deviations more
 /// than chance gives; fewest rejected matches of a cluster.
 const NEIGHBOURS: usize = 8;
-const MOST_NEIGHBOURS: usize = 5;
-const CHANCE: f64 = 2.5;
+const MAX_NEIGHBOURS: usize = 5;
+const CLUSTER_SIGMAS: f64 = 2.5;
 const CLUSTER_REJECTED: usize = 8;
 
 /// The motions used, then the best pair of each image that none of them uses.
@@ -190,7 +187,7 @@ fn motion(c: &Calibration, pair: usize) -> Motion {
         used: report.used,
         reason: report.reason.clone(),
         rotation_deg: report.rotation_deg,
-        rho: report.rho,
+        height_ratio: report.height_ratio,
         accepted,
         rejected: p.matches.len() - accepted,
         lost: p.lost_patches.len(),
@@ -216,7 +213,7 @@ pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<
     }
     let share = rejected.len() as f64 / all.len() as f64;
     let (mean, deviation) = (NEIGHBOURS as f64 * share, (NEIGHBOURS as f64 * share * (1.0 - share)).sqrt());
-    let enough = MOST_NEIGHBOURS.max((mean + CHANCE * deviation) as usize + 1);
+    let enough = MAX_NEIGHBOURS.max((mean + CLUSTER_SIGMAS * deviation) as usize + 1);
     // Rejected neighbours of each rejected point that is among its like. Places come first in `all`.
     let among: Vec<Vec<usize>> = (0..rejected.len())
         .map(|i| {
@@ -295,12 +292,12 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
     let right = Vector2::new(heading.y, -heading.x);
     let foot = first.foot();
     // What the matches cover, with some room: far floor is mostly blur.
-    let near = |q: &Vector2<f64>| (q - foot).norm() < OVERLAY_FARTHEST * height;
+    let near = |q: &Vector2<f64>| (q - foot).norm() < OVERLAY_RANGE_HEIGHTS * height;
     let accepted = p.matches.iter().filter(|m| m.accepted);
     let mut points: Vec<Vector2<f64>> =
         accepted.filter_map(|m| first.floor_from_pixel(&Vector2::from(m.a))).filter(near).collect();
     if points.len() < 4 {
-        points = first.seen_floor(size, OVERLAY_FARTHEST * height);
+        points = first.seen_floor(size, OVERLAY_RANGE_HEIGHTS * height);
     }
     let bounds = |axis: &Vector2<f64>| {
         let mut along: Vec<f64> = points.iter().map(|q| q.dot(axis)).collect();
@@ -332,7 +329,7 @@ pub(crate) fn size_of(overlay: &Overlay) -> ImageSize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::result::evidence::MatchEvidence;
+    use groundcal::result::MatchEvidence;
 
     fn grid(rejected: impl Fn(f64, f64) -> bool) -> Vec<Cluster> {
         let matches = (0..1200)

@@ -3,7 +3,7 @@
 //! Means are weighted by 1 / σ², σ being the deviation of each residual; a point's residuals in its two or more images are
 //! parts of one error, so the deviation of a mean is that of independent ones.
 
-use groundcal::result::{Calibration, Refinement, evidence::ObservationEvidence};
+use groundcal::result::{Calibration, ObservationEvidence, Refinement};
 use serde::Serialize;
 
 /// Residuals, measured less predicted, in pixels.
@@ -106,14 +106,14 @@ struct Weighted<'a> {
 }
 
 fn weighted(o: &ObservationEvidence) -> Option<Weighted<'_>> {
-    let sigma_px = o.residual_px[0].hypot(o.residual_px[1]) / o.deviations;
+    let sigma_px = o.residual_px[0].hypot(o.residual_px[1]) / o.standardised_residual;
     (sigma_px.is_finite() && sigma_px > 0.0).then_some(Weighted { o, sigma_px })
 }
 
 impl Weighted<'_> {
     /// Less for what is too far off, as in the refinement.
     fn weight(&self) -> f64 {
-        let loss = if self.o.downweighted { 3.0 / self.o.deviations } else { 1.0 };
+        let loss = if self.o.downweighted { 3.0 / self.o.standardised_residual } else { 1.0 };
         loss / (self.sigma_px * self.sigma_px)
     }
 }
@@ -141,7 +141,7 @@ pub(crate) fn residuals(c: &Calibration) -> Option<Residuals> {
                 name: e.images[image].clone(),
                 observations: list.len(),
                 rms_px: (squares(&|w| w.o.residual_px[0].hypot(w.o.residual_px[1])) / n).sqrt(),
-                weighted_rms: (squares(&|w| w.o.deviations) / (2.0 * n)).sqrt(),
+                weighted_rms: (squares(&|w| w.o.standardised_residual) / (2.0 * n)).sqrt(),
                 downweighted: list.iter().filter(|w| w.o.downweighted).count(),
                 field: field(list, c.camera.image_size, CELLS_ONE),
             }
@@ -169,7 +169,7 @@ const LONGEST: f64 = 5.0;
 fn histogram(all: &[Weighted]) -> Histogram {
     let mut of = Histogram { step: BIN, counts: vec![0; (LONGEST / BIN) as usize], beyond: 0 };
     for w in all {
-        match of.counts.get_mut((w.o.deviations / BIN) as usize) {
+        match of.counts.get_mut((w.o.standardised_residual / BIN) as usize) {
             Some(count) => *count += 1,
             None => of.beyond += 1,
         }
@@ -256,8 +256,16 @@ mod tests {
     use super::*;
 
     fn seen(pixel: [f64; 2], residual_px: [f64; 2]) -> ObservationEvidence {
-        let deviations = residual_px[0].hypot(residual_px[1]) / 0.1;
-        ObservationEvidence { image: 0, track: 0, patch: false, pixel, residual_px, deviations, downweighted: false }
+        let standardised_residual = residual_px[0].hypot(residual_px[1]) / 0.1;
+        ObservationEvidence {
+            image: 0,
+            track: 0,
+            patch: false,
+            pixel,
+            residual_px,
+            standardised_residual,
+            downweighted: false,
+        }
     }
 
     #[test]
@@ -269,7 +277,7 @@ mod tests {
                 let (x, y) = (1e-4 * (p[0] - centre[0]), 1e-4 * (p[1] - centre[1]));
                 if turn { [-y, x] } else { [x, y] }
             };
-            points.iter().map(|p| ObservationEvidence { deviations: 0.2, ..seen(*p, residual(p)) }).collect()
+            points.iter().map(|p| ObservationEvidence { standardised_residual: 0.2, ..seen(*p, residual(p)) }).collect()
         };
         for turn in [false, true] {
             let list = of(turn);

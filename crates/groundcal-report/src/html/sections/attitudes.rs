@@ -145,7 +145,7 @@ fn spread(conic: &Conic) -> String {
         let [x, y] = at(a.pitch_down_deg, a.roll_deg);
         for [pitch, roll] in &a.views {
             let own = at(*pitch, *roll);
-            svg.line(format!("strays {}", attitude_class(Some(i))), [x, y], own);
+            svg.line(format!("attitude-errors {}", attitude_class(Some(i))), [x, y], own);
             svg.circle(format!("own {}", attitude_class(Some(i))), own, 2.0);
         }
         svg.circle(format!("foot {}", attitude_class(Some(i))), [x, y], 6.0);

@@ -1,6 +1,6 @@
 //! The camera to be copied: as text, for NumPy and OpenCV, as YAML.
 
-use groundcal::{geometry::lens::Lens, result::Calibration};
+use groundcal::{geometry::Lens, result::Calibration};
 
 use crate::{canvas::svg::escape, number::trimmed};
 

@@ -10,7 +10,7 @@ use crate::{
         markup::{Axes, Drawing, attitude_class, drawing, figure, fixed},
         model::{
             Model,
-            floor::{FARTHEST, FloorMap},
+            floor::{DRAWN_RANGE_HEIGHTS, FloorMap},
         },
     },
 };
@@ -88,7 +88,7 @@ fn seen_from_above(map: &FloorMap, alone: bool) -> String {
         "Floor seen from above; the unit is the height of the camera over the floor in {}, which stands at (0, 0) and looks up the page. \
          Dots: optical centres; arrows: headings; outlines: floor seen, up to {} heights away. One line style for each attitude. {}.",
         map.origin,
-        fixed(FARTHEST, 0),
+        fixed(DRAWN_RANGE_HEIGHTS, 0),
         names.join("; ")
     );
     let label = format!("Views connected with {} seen from above", map.origin);

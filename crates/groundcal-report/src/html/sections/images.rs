@@ -35,7 +35,7 @@ pub(crate) fn section(c: &Calibration, pictures: &Pictures) -> String {
 }
 
 fn is_used(c: &Calibration, name: &str) -> bool {
-    of_image(c, name).any(|m| m.used || m.tie) || c.views.iter().any(|v| v.image == name)
+    of_image(c, name).any(|m| m.used || m.cross_attitude_link) || c.views.iter().any(|v| v.image == name)
 }
 
 fn of_image<'a>(c: &'a Calibration, name: &'a str) -> impl Iterator<Item = &'a MotionReport> {
@@ -56,8 +56,8 @@ fn tile(c: &Calibration, pictures: &Pictures, index: usize, name: &str) -> Strin
     };
     let what = if used {
         let motions = of_image(c, name).filter(|m| m.used).count();
-        let ties = of_image(c, name).filter(|m| m.tie).count();
-        let also = if ties > 0 { format!(", {}", counted(ties, "tie")) } else { String::new() };
+        let links = of_image(c, name).filter(|m| m.cross_attitude_link).count();
+        let also = if links > 0 { format!(", {}", counted(links, "link")) } else { String::new() };
         format!("<strong class=\"in\">used</strong>: {}{also}", counted(motions, "motion"))
     } else {
         format!("<strong class=\"out\">not used</strong>: {}", escape(&why_not(c, name)))

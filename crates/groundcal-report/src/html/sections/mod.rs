@@ -10,7 +10,7 @@ mod projection;
 mod residuals;
 mod tables;
 
-use groundcal::result::{Calibration, Method, MotionKind, Scene, judge::level_with};
+use groundcal::result::{Calibration, Method, MotionKind, Scene, level_with};
 
 use crate::{
     canvas::svg::escape,

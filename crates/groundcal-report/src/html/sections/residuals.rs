@@ -253,7 +253,7 @@ impl Arrows<'_> {
         for cell in &self.field.cells {
             let [mx, my] = cell.mean_px;
             let length = mx.hypot(my);
-            // What strays beyond the common scale would hide its neighbours.
+            // What lies beyond the common scale would hide its neighbours.
             let factor = magnified * (self.longest / length.max(1e-12)).min(1.0);
             let from = at(cell.at);
             let bold = length > BOLD * cell.sigma_px;

@@ -52,7 +52,9 @@ fn views(c: &Calibration) -> String {
 fn pairs(c: &Calibration) -> String {
     let number = |v: Option<f64>, sigma: Option<f64>| v.map_or(NONE.into(), |v| with_sigma(v, sigma));
     let mut order: Vec<usize> = (0..c.motions.len()).collect();
-    order.sort_by_key(|&i| (!c.motions[i].used, !c.motions[i].tie, c.motions[i].rotation_deg.is_none(), i));
+    order.sort_by_key(|&i| {
+        (!c.motions[i].used, !c.motions[i].cross_attitude_link, c.motions[i].rotation_deg.is_none(), i)
+    });
     let rows: Vec<Vec<String>> = order
         .iter()
         .take(LISTED)
@@ -60,8 +62,8 @@ fn pairs(c: &Calibration) -> String {
             let m = &c.motions[i];
             let role = if m.used {
                 "motion"
-            } else if m.tie {
-                "tie"
+            } else if m.cross_attitude_link {
+                "link"
             } else {
                 "not used"
             };
@@ -69,7 +71,7 @@ fn pairs(c: &Calibration) -> String {
                 format!("{} \u{2192} {}", m.from, m.to),
                 role.into(),
                 number(m.rotation_deg, m.rotation_sigma_deg),
-                number(m.rho, m.rho_sigma),
+                number(m.height_ratio, m.height_ratio_sigma),
                 format!("{} of {}", m.matches, m.candidate_matches),
                 m.rms_px.map_or(NONE.into(), |v| fixed(v, 3)),
                 m.reason.clone().unwrap_or_default(),
@@ -77,8 +79,8 @@ fn pairs(c: &Calibration) -> String {
         })
         .collect();
     let mut out = table(
-        "Pairs of images (turn: of the camera, anticlockwise seen from above; rho: height of the second view over that of the first)",
-        &["pair", "part", "turn, deg", "rho", "matches", "rms, px", "why not"],
+        "Pairs of images (turn: of the camera, anticlockwise seen from above; height ratio: height of the second view over that of the first)",
+        &["pair", "part", "turn, deg", "height ratio", "matches", "rms, px", "why not"],
         &rows,
     );
     out = format!("<div id=\"pairs\">{out}</div>\n");

@@ -26,7 +26,7 @@ struct Parts {
 
 impl Division {
     /// Names of the parameters.
-    pub const PARAMETER_NAMES: [&'static str; 1] = ["lambda"];
+    pub(crate) const PARAMETER_NAMES: [&'static str; 1] = ["lambda"];
 
     /// From λ.
     pub fn new(lambda: f64) -> Self {
@@ -34,12 +34,12 @@ impl Division {
     }
 
     /// λ.
-    pub fn parameters(&self) -> [f64; 1] {
+    pub(crate) fn parameters(&self) -> [f64; 1] {
         [self.lambda]
     }
 
     /// Largest angle from the optical axis, radians.
-    pub fn max_angle_rad(&self) -> f64 {
+    pub(crate) fn max_angle_rad(&self) -> f64 {
         if self.lambda > 0.0 {
             (0.5 / self.lambda.sqrt()).atan()
         } else if self.lambda == 0.0 {
@@ -50,7 +50,7 @@ impl Division {
     }
 
     /// Largest radius of a distorted point.
-    pub fn max_radius(&self) -> f64 {
+    pub(crate) fn max_radius(&self) -> f64 {
         if self.lambda > 0.0 { 1.0 / self.lambda.sqrt() } else { f64::INFINITY }
     }
 
@@ -72,12 +72,12 @@ impl Division {
     }
 
     /// The distorted point of a ray; `None` beyond the fold.
-    pub fn project(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn project(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.parts(ray).map(|parts| ray.xy() * parts.scale)
     }
 
     /// [`Self::project`] with derivatives.
-    pub fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
+    pub(crate) fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
         let Parts { rho, root, scale } = self.parts(ray)?;
         let radius = scale * rho;
         let outward = if rho > 0.0 { ray.xy() / rho } else { Vector2::zeros() };
@@ -91,7 +91,7 @@ impl Division {
     }
 
     /// The ray of unit length of a distorted point; `None` beyond the fold.
-    pub fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
+    pub(crate) fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
         let r2 = point.norm_squared();
         let inside = r2.is_finite() && self.lambda * r2 < 1.0;
         inside.then(|| Vector3::new(point.x, point.y, 1.0 + self.lambda * r2).normalize())

@@ -28,7 +28,7 @@ impl Default for Fisheye {
 
 impl Fisheye {
     /// Names of the parameters.
-    pub const PARAMETER_NAMES: [&'static str; 4] = ["k1", "k2", "k3", "k4"];
+    pub(crate) const PARAMETER_NAMES: [&'static str; 4] = ["k1", "k2", "k3", "k4"];
 
     /// From k1, k2, k3, k4.
     pub fn new(coefficients: [f64; 4]) -> Self {
@@ -42,12 +42,12 @@ impl Fisheye {
     }
 
     /// Largest angle from the optical axis, radians.
-    pub fn max_angle_rad(&self) -> f64 {
+    pub(crate) fn max_angle_rad(&self) -> f64 {
         self.max_angle_rad
     }
 
     /// Largest radius of a distorted point.
-    pub fn max_radius(&self) -> f64 {
+    pub(crate) fn max_radius(&self) -> f64 {
         self.max_angle_rad * self.polynomial.factor(self.max_angle_rad * self.max_angle_rad)
     }
 
@@ -63,12 +63,12 @@ impl Fisheye {
     }
 
     /// The distorted point of a ray; `None` beyond the fold, and for the ray straight back.
-    pub fn project(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn project(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.parts(ray).map(|(_, _, scale)| ray.xy() * scale)
     }
 
     /// [`Self::project`] with derivatives.
-    pub fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
+    pub(crate) fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
         let (rho, theta, scale) = self.parts(ray)?;
         let theta2 = theta * theta;
         let outward = if rho > 0.0 { ray.xy() / rho } else { Vector2::zeros() };
@@ -86,7 +86,7 @@ impl Fisheye {
     }
 
     /// The ray of unit length of a distorted point; `None` beyond the fold.
-    pub fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
+    pub(crate) fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
         let radius = point.norm();
         let theta = self.polynomial.inverse(radius, self.max_angle_rad)?;
         let (sin, cos) = theta.sin_cos();

@@ -21,7 +21,9 @@ use nalgebra::{Matrix2x3, Vector2, Vector3};
 
 pub use division::Division;
 pub use fisheye::Fisheye;
-pub use projection::{ByLensParameters, LensProjection, MAX_LENS_PARAMETERS};
+pub(crate) use projection::ByLensParameters;
+pub(crate) use projection::LensProjection;
+pub(crate) use projection::MAX_LENS_PARAMETERS;
 pub use radtan::Radtan;
 
 /// A lens.
@@ -98,7 +100,7 @@ impl Lens {
     }
 
     /// The same model with other parameters; `None` where their number is not the model's.
-    pub fn with_parameters(&self, parameters: &[f64]) -> Option<Self> {
+    pub(crate) fn with_parameters(&self, parameters: &[f64]) -> Option<Self> {
         Some(match self {
             Self::None => parameters.is_empty().then_some(Self::None)?,
             Self::Radtan(_) => Self::Radtan(Radtan::new(parameters.try_into().ok()?)),
@@ -112,7 +114,7 @@ impl Lens {
 
     /// The largest angle from the optical axis that the model describes, radians: below it everything, at it and beyond nothing.
     /// That of Brown-Conrady is without its tangential part.
-    pub fn max_angle_rad(&self) -> f64 {
+    pub(crate) fn max_angle_rad(&self) -> f64 {
         match self {
             Self::None => std::f64::consts::FRAC_PI_2,
             Self::Radtan(lens) => lens.max_ideal_radius().atan(),
@@ -122,7 +124,7 @@ impl Lens {
     }
 
     /// The radius of the points (distorted normalised coordinates) that come from rays, infinite where there is no end.
-    pub fn max_radius(&self) -> f64 {
+    pub(crate) fn max_radius(&self) -> f64 {
         match self {
             Self::None => f64::INFINITY,
             Self::Radtan(lens) => lens.max_radius(),
@@ -132,7 +134,7 @@ impl Lens {
     }
 
     /// Whether rays square to the optical axis, or behind the camera, have points.
-    pub fn sees_behind(&self) -> bool {
+    pub(crate) fn sees_behind(&self) -> bool {
         self.max_angle_rad() > std::f64::consts::FRAC_PI_2
     }
 
@@ -140,7 +142,7 @@ impl Lens {
     /// axis in pixels. With u the ideal point in pixels, the terms of Brown-Conrady are u k1 u²/f², u k2 u⁴/f⁴, u k3 u⁶/f⁶ and
     /// p u²/f, that of the division model λ u²/f²: the coefficients grow as f², f⁴, f⁶, f and f². `None` for the fisheye, whose
     /// angles have no such family.
-    pub fn for_focal_length_times(&self, ratio: f64) -> Option<Self> {
+    pub(crate) fn for_focal_length_times(&self, ratio: f64) -> Option<Self> {
         let square = ratio * ratio;
         match self {
             Self::None => Some(Self::None),
@@ -167,7 +169,7 @@ impl Lens {
     }
 
     /// Ideal to distorted normalised coordinates; `None` beyond the fold.
-    pub fn distort(&self, point: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn distort(&self, point: &Vector2<f64>) -> Option<Vector2<f64>> {
         match self {
             Self::Radtan(lens) => lens.distort(point),
             _ => self.project(&point.push(1.0)),
@@ -187,7 +189,7 @@ impl Lens {
     /// [`Self::project`] with derivatives.
     // Called for every observation of every iteration: what it returns is large, and is not copied where it is inlined.
     #[inline(always)]
-    pub fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
+    pub(crate) fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
         match self {
             Self::None => {
                 let (point, inverse) = (radtan::ideal_point(ray)?, 1.0 / ray.z);
@@ -201,7 +203,7 @@ impl Lens {
     }
 
     /// The ray, of unit length, that is seen at a point (distorted normalised coordinates); `None` where the model gives none.
-    pub fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
+    pub(crate) fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
         match self {
             Self::None => Radtan::default().unproject(point),
             Self::Radtan(lens) => lens.unproject(point),

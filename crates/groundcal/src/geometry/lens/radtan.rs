@@ -41,7 +41,7 @@ impl Default for Radtan {
 
 impl Radtan {
     /// Names of the parameters, in OpenCV's order.
-    pub const PARAMETER_NAMES: [&'static str; 5] = ["k1", "k2", "p1", "p2", "k3"];
+    pub(crate) const PARAMETER_NAMES: [&'static str; 5] = ["k1", "k2", "p1", "p2", "k3"];
 
     /// From k1, k2, p1, p2, k3.
     pub fn new([k1, k2, p1, p2, k3]: [f64; 5]) -> Self {
@@ -50,7 +50,7 @@ impl Radtan {
     }
 
     /// From k1 and k2 alone.
-    pub fn radial(k1: f64, k2: f64) -> Self {
+    pub(crate) fn radial(k1: f64, k2: f64) -> Self {
         Self::new([k1, k2, 0.0, 0.0, 0.0])
     }
 
@@ -66,12 +66,12 @@ impl Radtan {
     }
 
     /// Radius of the ideal points that the model describes; infinite where it never folds.
-    pub fn max_ideal_radius(&self) -> f64 {
+    pub(crate) fn max_ideal_radius(&self) -> f64 {
         self.fold
     }
 
     /// Largest radius of a distorted point.
-    pub fn max_radius(&self) -> f64 {
+    pub(crate) fn max_radius(&self) -> f64 {
         if self.fold.is_finite() { self.fold * self.radial.factor(self.fold * self.fold) } else { f64::INFINITY }
     }
 
@@ -105,12 +105,12 @@ impl Radtan {
     }
 
     /// Whether the model describes an ideal point: within the first fold, where the map is one to one.
-    pub fn contains(&self, p: &Vector2<f64>) -> bool {
+    pub(crate) fn contains(&self, p: &Vector2<f64>) -> bool {
         p.norm_squared() < self.fold * self.fold && (!self.has_tangential() || self.jacobian(p).determinant() > 0.0)
     }
 
     /// Ideal to distorted point; `None` beyond the fold.
-    pub fn distort(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn distort(&self, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         self.contains(p).then(|| self.polynomial(p))
     }
 
@@ -145,13 +145,13 @@ impl Radtan {
     }
 
     /// The distorted point of a ray; `None` behind the camera and beyond the fold.
-    pub fn project(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn project(&self, ray: &Vector3<f64>) -> Option<Vector2<f64>> {
         self.distort(&ideal_point(ray)?)
     }
 
     /// [`Self::project`] with derivatives.
     #[inline(always)]
-    pub fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
+    pub(crate) fn project_with_jacobian(&self, ray: &Vector3<f64>) -> Option<LensProjection> {
         let p = ideal_point(ray)?;
         let j = self.jacobian(&p);
         if !(p.norm_squared() < self.fold * self.fold && j.determinant() > 0.0) {
@@ -173,7 +173,7 @@ impl Radtan {
     }
 
     /// The ray of unit length of a distorted point; `None` where the model gives none.
-    pub fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
+    pub(crate) fn unproject(&self, point: &Vector2<f64>) -> Option<Vector3<f64>> {
         let p = self.undistort(point)?;
         Some(Vector3::new(p.x, p.y, 1.0).normalize()).filter(|ray| ray.z > MIN_Z)
     }

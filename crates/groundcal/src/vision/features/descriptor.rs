@@ -18,7 +18,7 @@ const BINS: usize = 8;
 /// Side of a cell in units of the feature's scale.
 const CELL_SIDE: f32 = 3.0;
 /// Half the side of all cells together, in units of the feature's scale.
-pub(super) const REACH: f32 = 0.5 * CELLS as f32 * CELL_SIDE;
+pub(super) const HALF_WIDTH: f32 = 0.5 * CELLS as f32 * CELL_SIDE;
 /// Largest value of an entry before the second normalisation: one strong edge should not decide alone.
 const CLIP: f32 = 0.2;
 

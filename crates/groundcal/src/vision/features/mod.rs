@@ -64,7 +64,7 @@ pub(crate) fn detect_until(
 /// Whether the mask holds a feature's centre and most of what its descriptor covers.
 fn is_used(image: &GrayImage, e: &scale_space::Extremum) -> bool {
     let (x, y) = (f64::from(e.x), f64::from(e.y));
-    image.used_about(x, y, 0.0) > 0.5 && image.used_about(x, y, f64::from(descriptor::REACH * e.scale)) > 0.5
+    image.used_about(x, y, 0.0) > 0.5 && image.used_about(x, y, f64::from(descriptor::HALF_WIDTH * e.scale)) > 0.5
 }
 
 /// Cells along the longer side of the grid that spreads the features.

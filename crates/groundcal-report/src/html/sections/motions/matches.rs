@@ -1,9 +1,6 @@
 //! The two images of a motion with their matches, horizons and what gathers rejected matches.
 
-use groundcal::result::{
-    Calibration,
-    evidence::{MatchEvidence, PairEvidence},
-};
+use groundcal::result::{Calibration, MatchEvidence, PairEvidence};
 
 use crate::{
     canvas::{Anchor, Mark, Picture, Point, Shape},

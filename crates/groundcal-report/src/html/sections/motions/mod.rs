@@ -106,7 +106,7 @@ fn facts(m: &Motion, c: &Calibration) -> Vec<String> {
         format!("{} matches accepted, {} rejected, {} patches not found again", m.accepted, m.rejected, m.lost);
     [
         m.rotation_deg.map(|turn| format!("turn {}\u{b0}", with_sigma(turn, report.rotation_sigma_deg))),
-        m.rho.map(|rho| format!("height ratio {}", with_sigma(rho, report.rho_sigma))),
+        m.height_ratio.map(|ratio| format!("height ratio {}", with_sigma(ratio, report.height_ratio_sigma))),
         Some(counts),
         m.rms_px.map(|rms| format!("{} px rms about its own homography", fixed(rms, 3))),
         m.joint_rms_px.map(|rms| format!("{} px rms about the camera of all motions", fixed(rms, 3))),

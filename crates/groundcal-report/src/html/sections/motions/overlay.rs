@@ -1,6 +1,6 @@
 //! Both images of a motion laid on the floor, or their points where there are no images.
 
-use groundcal::result::{Calibration, evidence::PairEvidence};
+use groundcal::result::{Calibration, PairEvidence};
 
 use crate::{
     canvas::{

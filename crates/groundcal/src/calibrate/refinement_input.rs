@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use crate::{
     calibrate::{
         attitude::Attitude,
-        joint::Joint,
+        joint::JointSolution,
         setup::{Setup, ViewGroups, starting_camera},
         views::Views,
     },
@@ -48,7 +48,7 @@ const MAX_ROTATION_VARIANCE: f64 = 100.0;
 
 /// A refinement with what it was made from.
 pub(super) struct Refined {
-    pub(super) joint: Joint,
+    pub(super) joint: JointSolution,
     /// The closed-form solution it started from, whose groups its attitudes count in.
     pub(super) solution: CameraSolution,
     /// Options in force: those asked for, with some priors released.
@@ -61,23 +61,25 @@ pub(super) struct Refined {
     pub(super) fisheye: Option<f64>,
 }
 
-/// Deviation of attitudes, radians, from which on it is asked what else may have made them stray: a camera that stands still strays by a
+/// Standard deviation of attitudes, radians, from which on it is asked what else may have caused their errors: a camera that stands still has attitude errors of a
 /// hundredth of a degree.
 const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
 /// Design effect up to which residuals of neighbours have no more in common than patches of pictures seen in many views usually do.
-const TAME_DESIGN_EFFECT: f64 = 5.0;
+const MAX_LINEAR_DESIGN_EFFECT: f64 = 5.0;
 
 impl Refined {
-    /// Whether the attitudes stray by more than those of a camera that stands still.
-    pub(super) fn attitudes_stray(&self) -> bool {
+    /// Whether the attitude errors are larger than those of a camera that stands still.
+    pub(super) fn has_attitude_errors(&self) -> bool {
         self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
     }
 
     /// Whether the refinement is linear enough for the evidence of alternatives to be foretold: it converged, attitudes do not stray, and the residuals
     /// have little in common. (Of 643 alternatives tried there 560 promised nothing, and none of them was better by odds of 1000; elsewhere 29 of 2,000.)
-    pub(super) fn is_tame(&self) -> bool {
+    pub(super) fn is_nearly_linear(&self) -> bool {
         let effects = &self.joint.bundle.design_effects;
-        self.joint.has_converged() && !self.attitudes_stray() && effects.iter().all(|e| *e <= TAME_DESIGN_EFFECT)
+        self.joint.has_converged()
+            && !self.has_attitude_errors()
+            && effects.iter().all(|e| *e <= MAX_LINEAR_DESIGN_EFFECT)
     }
 
     /// What the evidence would gain by an alternative, to first order; infinite where that is not defined.
@@ -96,7 +98,7 @@ impl Refined {
 }
 
 /// What is refined: the matches of the motions selected.
-pub(super) struct Matter<'a> {
+pub(super) struct RefinementInput<'a> {
     pub(super) pairs: &'a [PairObservation],
     pub(super) motions: Vec<Motion>,
     pub(super) observer: &'a dyn Observer,
@@ -110,7 +112,7 @@ pub(super) struct Matter<'a> {
     pub(super) scene: SceneModel,
 }
 
-impl<'a> Matter<'a> {
+impl<'a> RefinementInput<'a> {
     pub(super) fn new(
         pairs: &'a [PairObservation],
         selection: &Selection,
@@ -163,7 +165,12 @@ impl<'a> Matter<'a> {
         state_from_links(self.scene, camera, &k, &attitudes, &self.group_of_view, &self.setup.links)
     }
 
-    pub(super) fn refined(&self, mut joint: Joint, solution: CameraSolution, options: RefinementOptions) -> Refined {
+    pub(super) fn refined(
+        &self,
+        mut joint: JointSolution,
+        solution: CameraSolution,
+        options: RefinementOptions,
+    ) -> Refined {
         joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
         Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new(), fisheye: None }
     }
@@ -272,7 +279,7 @@ pub(super) fn adjusted(
     mut starts: Vec<State>,
     options: &RefinementOptions,
     observer: &dyn Observer,
-) -> Result<Joint, Error> {
+) -> Result<JointSolution, Error> {
     if starts.is_empty() {
         return Err(Error::Numerical {
             stage: "joint refinement",
@@ -293,5 +300,5 @@ pub(super) fn adjusted(
             remedies: vec![Remedy::TurnAboutOpticalCentre, Remedy::TurnOverFloor, Remedy::NamePairs],
         });
     }
-    Ok(Joint::new(bundle, setup.tracks, views, &options.frame))
+    Ok(JointSolution::new(bundle, setup.tracks, views, &options.frame))
 }
