@@ -3,13 +3,14 @@
 use serde::Serialize;
 
 use crate::{
-    plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Prediction, carriers::CarrierMotion},
+    plan::{
+        carriers::CarrierMotion,
+        planner::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Prediction},
+    },
     remedy::Wording,
-    result::{Prior, Warning, WarningReport},
+    result::{Prior, Warning, WarningReport, calibration::ATTITUDE_SIGMA_DEG},
 };
 
-/// Attitude error where nothing is said, degrees: what the calibration takes until the motions tell it.
-pub(crate) const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 /// Strays up to which predictions were held against simulated calibrations (tests/library/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
 /// Strays that those simulations had, degrees.

@@ -43,7 +43,7 @@ pub struct MotionReport {
     pub diagnosis: Option<MotionDiagnosis>,
 }
 
-/// How a motion that takes part fits the others ([`crate::result::diagnosis`]).
+/// How a motion that takes part fits the others (`diagnosis`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MotionDiagnosis {
     /// Root mean square residual of its points from the camera of all motions, both images together, in pixels: much more than

@@ -12,6 +12,12 @@
 use serde::{Deserialize, Serialize};
 
 /// How far an answer can be trusted; the best first.
+///
+/// # Examples
+/// ```
+/// use groundcal::VerdictLevel;
+/// assert!(VerdictLevel::Trustworthy < VerdictLevel::Unchecked, "the best first");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VerdictLevel {
@@ -47,6 +53,21 @@ pub struct VerdictReason {
 }
 
 /// Whether to trust an answer.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// use groundcal::VerdictLevel;
+/// let verdict = calibration.verdict.expect("asked");
+/// if verdict.level > VerdictLevel::Trustworthy {
+///     verdict.reasons.iter().for_each(|r| println!("[{}] {}", r.code, r.message));
+/// }
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Verdict {
     /// In one word.

@@ -8,6 +8,14 @@ use std::sync::Arc;
 use crate::{error::Error, geometry::size::ImageSize, vision::mask::Mask};
 
 /// A grey image, row by row, values nominally in 0..=1. A copy costs nothing until its values are written.
+///
+/// # Examples
+/// ```
+/// use groundcal::{GrayImage, ImageSize};
+/// let ramp = (0..12).map(|i| i as f32 / 12.0).collect();
+/// let image = GrayImage::from_rows(ImageSize::new(4, 3), ramp).expect("as many values as pixels");
+/// assert_eq!(image.get(1, 2), 9.0 / 12.0);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrayImage {
     size: ImageSize,

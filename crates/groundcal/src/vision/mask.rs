@@ -6,6 +6,18 @@
 use crate::{error::Error, geometry::size::ImageSize};
 
 /// The pixels that are used, and how many of them any square holds.
+///
+/// # Examples
+/// ```
+/// use std::sync::Arc;
+/// use groundcal::{GrayImage, ImageSize, Mask};
+/// // The lower rows show the robot itself.
+/// let size = ImageSize::new(4, 4);
+/// let used: Vec<bool> = (0..16).map(|i| i < 12).collect();
+/// let mask = Mask::new(size, &used).expect("as many values as pixels");
+/// assert_eq!(mask.used(), 0.75);
+/// let image = GrayImage::filled(size, 0.5).masked(Arc::new(mask)).expect("of one size");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mask {
     size: ImageSize,
