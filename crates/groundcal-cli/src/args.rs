@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{LensModel, MotionModel},
+    calibrate::{FeatureDensity, LensModel, MotionModel},
     geometry::{Camera, ImageSize},
     start::{Constraint, GivenPrior, PriorParameter},
 };
@@ -102,6 +102,24 @@ impl From<MotionArg> for MotionModel {
             MotionArg::PlaneNormal => MotionModel::PlaneNormal,
             MotionArg::General => MotionModel::General,
             MotionArg::Turning => MotionModel::Turning,
+        }
+    }
+}
+
+/// [`FeatureDensity`] on the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FeaturesArg {
+    /// At most 1200 an image, without an upsampled octave; all where these do not carry the answer
+    Auto,
+    /// All of them (see --max-features)
+    Dense,
+}
+
+impl From<FeaturesArg> for FeatureDensity {
+    fn from(value: FeaturesArg) -> Self {
+        match value {
+            FeaturesArg::Auto => FeatureDensity::Auto,
+            FeaturesArg::Dense => FeatureDensity::Dense,
         }
     }
 }

@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use groundcal::{
-    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection},
+    calibrate::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection},
     geometry::{Camera, Constraint, ImageSize, Lens},
     result::PriorParameter,
     start::GivenPrior,
@@ -25,7 +25,7 @@ use pyo3::{
 use crate::{failure::Failure, handle::Handle, nearest::no_such};
 
 /// What each keyword has to be.
-const TYPES: [(&str, &str); 37] = [
+const TYPES: [(&str, &str); 38] = [
     ("motion", "a string"),
     ("constraint", "a string"),
     ("method", "a string"),
@@ -40,6 +40,7 @@ const TYPES: [(&str, &str); 37] = [
     ("camera_height_m", "a number of metres"),
     ("all_pairs_limit", "a whole number from 0"),
     ("min_plane_matches", "a whole number from 0"),
+    ("features", "a string"),
     ("max_features", "a whole number from 0"),
     ("match_patches", "True or False"),
     ("seed", "a whole number from 0"),
@@ -107,6 +108,7 @@ pub(crate) const LENS_MODELS: [(&str, LensModel); 5] = [
     ("radtan", LensModel::Radtan),
     ("fisheye", LensModel::Fisheye),
 ];
+const FEATURES: [(&str, FeatureDensity); 2] = [("auto", FeatureDensity::Auto), ("dense", FeatureDensity::Dense)];
 const MOTIONS: [(&str, MotionModel); 4] = [
     ("auto", MotionModel::Auto),
     ("plane-normal", MotionModel::PlaneNormal),
@@ -214,6 +216,7 @@ impl Asked {
         let usual = Options::default();
         let mut options = Options {
             motion: named(given, "motion", &MOTIONS)?.unwrap_or_default(),
+            feature_density: named(given, "features", &FEATURES)?.unwrap_or_default(),
             constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
             method: named(given, "method", &METHODS)?.unwrap_or_default(),
             homographies: named(given, "homographies", &HOMOGRAPHIES)?.unwrap_or_default(),

@@ -28,8 +28,8 @@ use groundcal_report::{
 
 use crate::{
     args::{
-        ConstraintArg, DistortionArg, FormatArg, MotionArg, OverwriteArg, ThreadsArg, parse_height, parse_point,
-        parse_prior, parse_size,
+        ConstraintArg, DistortionArg, FeaturesArg, FormatArg, MotionArg, OverwriteArg, ThreadsArg, parse_height,
+        parse_point, parse_prior, parse_size,
     },
     error::CliError,
     foreign,
@@ -160,7 +160,11 @@ pub(crate) struct CalibrateArgs {
     #[arg(long, default_value_t = 0)]
     pub(crate) seed: u64,
 
-    /// Most features of an image
+    /// How many features are looked for: few first, and many where these do not carry the answer, or many at once
+    #[arg(long, value_enum, default_value_t = FeaturesArg::Auto)]
+    pub(crate) features: FeaturesArg,
+
+    /// Most features of an image, where many are looked for
     #[arg(long, value_name = "N", default_value_t = 3000, value_parser = clap::value_parser!(u32).range(50..=50_000))]
     pub(crate) max_features: u32,
 
@@ -502,6 +506,7 @@ fn options(args: &CalibrateArgs) -> Options {
         ..Options::default()
     };
     options.features.max_features = args.max_features as usize;
+    options.feature_density = args.features.into();
     options
 }
 

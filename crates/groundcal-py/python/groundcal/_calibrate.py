@@ -176,6 +176,7 @@ def calibrate(
     pairs: Sequence[tuple[str | int, str | int]] | Path | None = None,
     all_pairs_limit: int = 40,
     min_plane_matches: int | None = None,
+    features: Literal["auto", "dense"] = "auto",
     max_features: int = 3000,
     match_patches: bool = True,
     seed: int = 0,
@@ -227,7 +228,8 @@ def calibrate(
         pairs: The pairs that are motions, of names or indices, or a CSV of them; they are found by default.
         all_pairs_limit: Up to so many images all pairs are compared, beyond it neighbours.
         min_plane_matches: Fewest matches that must agree on a plane.
-        max_features: Most features of an image, 50 to 50000.
+        features: How many features are looked for: "auto", few first and many where these do not carry the answer, or "dense".
+        max_features: Most features of an image, where many are looked for, 50 to 50000.
         match_patches: Whether the floor of the motions is matched again patch by patch (images only).
         seed: Of every random choice.
         threads: As many as there are processors by default.
@@ -268,6 +270,7 @@ def calibrate(
         "pairs": pairs,
         "all_pairs_limit": all_pairs_limit,
         "min_plane_matches": min_plane_matches,
+        "features": features,
         "max_features": max_features,
         "match_patches": match_patches,
         "seed": seed,

@@ -9,7 +9,7 @@
 //! ([`crate::refine::Bundle`]) is for it by [`RELEASE_ODDS`](super::prior_conflicts), in which its freedom has its price.
 
 use crate::{
-    calibrate::refinement_input::{Refined, RefinementInput},
+    calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
     error::Error,
     refine::{DepartureKind, blocks::MATRIX},
     result::{PictureDeparture, Warning},
@@ -17,6 +17,21 @@ use crate::{
 
 /// Design effect from which on departures are tried: residuals of neighbours that have nothing in common have 1.
 const SUSPECT_DESIGN_EFFECT: f64 = 1.0;
+
+/// The options with a kind of departure; `None`: there is no reason to try it.
+pub(super) fn departing(refined: &Refined, kind: DepartureKind) -> Option<RefinementOptions> {
+    let bundle = &refined.joint.bundle;
+    let suspect = refined.has_attitude_errors() || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
+    // A lens or attitudes that are held because that was asked for may be wrong, and pictures that depart could hide it.
+    let asked = &refined.options.bundle;
+    let held = asked.attitude_sigma_rad.is_some() || !asked.cameras[0].is_free(MATRIX);
+    if !suspect || held || asked.departures.contains(&kind) {
+        return None;
+    }
+    let mut options = refined.options.clone();
+    options.bundle.departures.push(kind);
+    Some(options)
+}
 
 /// The refinement with a kind of departure, where the tracks ask for it; with it twice the logarithm of the odds.
 ///
@@ -28,16 +43,7 @@ pub(super) fn with_departure(
     kind: DepartureKind,
     needed: f64,
 ) -> Result<Option<(f64, Refined)>, Error> {
-    let bundle = &refined.joint.bundle;
-    let suspect = refined.has_attitude_errors() || bundle.design_effects.iter().any(|e| *e > SUSPECT_DESIGN_EFFECT);
-    // A lens or attitudes that are held because that was asked for may be wrong, and pictures that depart could hide it.
-    let asked = &refined.options.bundle;
-    let held = asked.attitude_sigma_rad.is_some() || !asked.cameras[0].is_free(MATRIX);
-    if !suspect || held || asked.departures.contains(&kind) {
-        return Ok(None);
-    }
-    let mut options = refined.options.clone();
-    options.bundle.departures.push(kind);
+    let Some(options) = departing(refined, kind) else { return Ok(None) };
     let better = input.better_with(refined, options, needed)?;
     Ok(better.map(|(gain, mut with)| {
         with.departures.push((kind, gain));

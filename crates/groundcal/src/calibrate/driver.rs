@@ -18,6 +18,7 @@ use crate::{
         outcome::assemble,
         plane_normal::solve_plane_normal,
         published::solve_published,
+        refinement::likely_links,
         rotating::solve_rotating,
         solved::Solved,
         source::{GivenPairs, Source},
@@ -205,7 +206,10 @@ fn looked_at_again(
     let mut found = given_lens_through_its_camera(found, stages, observer)?;
     if let (Some(images), Some(patches)) = (images, &stages.patches) {
         let used = found.selection.used();
-        found.pairs = match_by_patches(found.pairs, &used, images, found.lens.lens(), patches, observer)?;
+        let has_links = found.selection.kind == MotionKind::PlaneNormal;
+        let links = if has_links { likely_links(&found.pairs, &used) } else { Vec::new() };
+        let lens = found.lens.lens();
+        found.pairs = match_by_patches(found.pairs, [&used, &links], images, lens, patches, observer)?;
     }
     seen_again(found, stages, observer)
 }

@@ -51,18 +51,14 @@ use crate::{
     result::Calibration,
     select::attitude_groups::{HorizonSides, Motion},
     start::linear_camera::{CameraSolution, solve_camera},
-    vision::image::GrayImage,
+    vision::{features::FeatureOptions, image::GrayImage},
 };
 
 pub use crate::observer::Observer;
 pub use crate::observer::Silent;
 pub use crate::observer::Stage;
 pub use crate::pairs::pair_lens::RadialCorrection;
-pub use options::HomographyFit;
-pub use options::LensModel;
-pub use options::Method;
-pub use options::MotionModel;
-pub use options::Options;
+pub use options::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom. What stands still in all of them is set aside
 /// before (see [`crate::vision::still`]); the observer hears of it, and the calibration has it among its warnings.
@@ -85,7 +81,29 @@ pub fn calibrate_images(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Calibration, Error> {
-    driver::run(source::from_images(names, images, options, observer)?, options, observer)
+    let prepared = source::from_images(names, images, options, observer)?;
+    let with =
+        |features: &FeatureOptions| driver::run(prepared.matched(features, options, observer)?, options, observer);
+    if options.feature_density == FeatureDensity::Dense || !options.match_patches {
+        return with(&options.features);
+    }
+    let first = with(&options.features.coarse());
+    let suffices =
+        |answer: &Calibration| is_carried_by_patches(answer) && answer.views.len() == prepared.images_compared();
+    if matches!(first, Err(Error::Stopped)) || first.as_ref().is_ok_and(suffices) {
+        return first;
+    }
+    match (with(&options.features), first) {
+        (Err(error), Ok(_)) if error == Error::Stopped => Err(error),
+        (Err(_), Ok(first)) => Ok(first),
+        (dense, _) => dense,
+    }
+}
+
+/// Whether features only led to the answer: all of its motions were matched again patch by patch.
+fn is_carried_by_patches(calibration: &Calibration) -> bool {
+    let used = calibration.motions.iter().zip(&calibration.evidence.pairs).filter(|(motion, _)| motion.used);
+    used.map(|(_, pair)| pair).all(|pair| pair.matches.iter().any(|m| m.patch))
 }
 
 /// Calibrates from photographs as [`calibrate_images`] does, from matches between them that are there already: another

@@ -86,6 +86,17 @@ pub enum MotionModel {
     General,
 }
 
+/// How many features are looked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FeatureDensity {
+    /// Few ([`FeatureOptions::coarse`]), enough to find the planes that patches are then matched on; all where these do not carry the answer:
+    /// where there is none, where patches find too little texture, or where images are left over.
+    #[default]
+    Auto,
+    /// All that the options of features ask for.
+    Dense,
+}
+
 /// What a calibration may be told. Everything has a default.
 ///
 /// # Examples
@@ -140,6 +151,8 @@ pub struct Options {
     pub min_plane_matches: Option<usize>,
     /// Detection of features.
     pub features: FeatureOptions,
+    /// Whether fewer features are tried first.
+    pub feature_density: FeatureDensity,
     /// Matching of features.
     pub matching: MatchOptions,
     /// Robust homographies.
@@ -172,6 +185,7 @@ impl Default for Options {
             all_pairs_limit: 40,
             min_plane_matches: None,
             features: FeatureOptions::default(),
+            feature_density: FeatureDensity::default(),
             matching: MatchOptions::default(),
             robust: RobustOptions::default(),
             match_patches: true,

@@ -9,7 +9,7 @@
 //! mean of the ratio over data of the narrower model is 1: Markov's inequality).
 
 use crate::{
-    calibrate::departures::with_departure,
+    calibrate::departures::{departing, with_departure},
     calibrate::fisheye::with_fisheye,
     calibrate::outlier_frames::with_outlier_frame,
     calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
@@ -61,29 +61,8 @@ pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refin
     let asked = refined.options.bundle.clone();
     let mut changed = false;
     for _ in 0..MAX_RELEASED {
-        let mut best: Option<(f64, Refined)> = None;
-        let mut offer = |found: Option<(f64, Refined)>| {
-            if let Some((gain, other)) = found
-                && best.as_ref().is_none_or(|(most, _)| gain > *most)
-            {
-                best = Some((gain, other));
-            }
-        };
-        for numbers in RELEASES {
-            // A fisheye has no decentring.
-            if numbers[0] >= DECENTRING && refined.fisheye.is_some() {
-                continue;
-            }
-            offer(without_prior(input, &refined, numbers)?);
-        }
-        let needed = 2.0 * RELEASE_ODDS.ln();
-        offer(with_fisheye(input, &refined, needed)?);
-        offer(with_outlier_frame(input, &refined, needed)?);
-        for kind in DepartureKind::ALL {
-            offer(with_departure(input, &refined, kind, needed)?);
-        }
-        match best {
-            Some((_, without)) => (refined, changed) = (without, true),
+        match best_alternative(input, &refined)? {
+            Some(without) => (refined, changed) = (without, true),
             None => break,
         }
     }
@@ -97,31 +76,88 @@ pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refin
     input.refined_again(&refined, refined.solution.clone(), options, starts)
 }
 
+/// What may be wrong of a refinement, and how it is tried.
+#[derive(Clone, Copy)]
+enum Alternative {
+    /// Priors of some numbers.
+    Without(&'static [usize]),
+    /// That pictures do not depart from each other.
+    Departing(DepartureKind),
+}
+
+/// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
+const FAR_AHEAD: f64 = 100.0;
+
+/// The best refinement of those with one assumption less; `None`: none is better. Those that promise most are tried first.
+fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Option<Refined>, Error> {
+    let mut best: Option<(f64, Refined)> = None;
+    let needed = 2.0 * RELEASE_ODDS.ln();
+    let offer = |best: &mut Option<(f64, Refined)>, found: Option<(f64, Refined)>| {
+        if let Some((gain, other)) = found
+            && best.as_ref().is_none_or(|(most, _)| gain > *most)
+        {
+            *best = Some((gain, other));
+        }
+    };
+    offer(&mut best, with_fisheye(input, refined, needed)?);
+    offer(&mut best, with_outlier_frame(input, refined, needed)?);
+    // A fisheye has no decentring.
+    let releases = RELEASES.into_iter().filter(|numbers| numbers[0] < DECENTRING || refined.fisheye.is_none());
+    let departures = DepartureKind::ALL.into_iter().map(Alternative::Departing);
+    let mut promising: Vec<(f64, Alternative)> = Vec::new();
+    for alternative in releases.map(Alternative::Without).chain(departures) {
+        input.observer.go_on()?;
+        let options = match alternative {
+            Alternative::Without(numbers) => released(refined, numbers),
+            Alternative::Departing(kind) => departing(refined, kind),
+        };
+        let Some(options) = options else { continue };
+        let prospect = refined.prospect(&options);
+        let asked =
+            matches!(alternative, Alternative::Without(numbers) if distance_of(refined, numbers) > MIN_CONFLICT_SIGMAS);
+        if asked || prospect > 0.0 || !refined.is_tame() {
+            promising.push((prospect, alternative));
+        }
+    }
+    promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (prospect, alternative) in promising {
+        if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + FAR_AHEAD) {
+            break;
+        }
+        let found = match alternative {
+            Alternative::Without(numbers) => without_prior(input, refined, numbers)?,
+            Alternative::Departing(kind) => with_departure(input, refined, kind, needed)?,
+        };
+        offer(&mut best, found);
+    }
+    Ok(best.map(|(_, other)| other))
+}
+
+/// The greatest distance between the priors of some numbers and what the data say of them.
+fn distance_of(refined: &Refined, numbers: &[usize]) -> f64 {
+    let unknowns = &refined.options.bundle.cameras[0];
+    numbers.iter().filter_map(|&n| refined.joint.prior_conflict(unknowns, n)).fold(0.0, f64::max)
+}
+
 /// The refinement without the priors of some numbers, where the tracks contradict them; with it twice the logarithm of the odds.
 fn without_prior(
     input: &RefinementInput<'_>,
     refined: &Refined,
     numbers: &[usize],
 ) -> Result<Option<(f64, Refined)>, Error> {
-    let Some(options) = released(&refined.options, refined, numbers) else { return Ok(None) };
-    let unknowns = &refined.options.bundle.cameras[0];
-    let distance = numbers.iter().filter_map(|&n| refined.joint.prior_conflict(unknowns, n)).fold(0.0, f64::max);
-    // What is held has no distance, and an aspect ratio hides in attitude errors; the principal point and the lens do not.
-    let hides = matches!(numbers, [ASPECT] | [SKEW]);
-    if distance < SUSPECT_DISTANCE && !hides {
-        return Ok(None);
-    }
+    let Some(options) = released(refined, numbers) else { return Ok(None) };
+    let distance = distance_of(refined, numbers);
+    let needed = if distance > MIN_CONFLICT_SIGMAS { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
     let mut starts: Vec<State> = vec![refined.joint.bundle.state.clone()];
     let closed_form = solve_camera_until(&input.motions, &options.frame, &options.camera, input.observer).ok();
     input.observer.go_on()?;
-    // The closed form knows the lens of Brown and Conrady alone.
-    // And it knows the views of motions alone.
-    let same_views = refined.joint.views.len() == input.views.len();
-    let usual_lens = closed_form.as_ref().filter(|_| refined.fisheye.is_none() && same_views);
+    // The closed form knows the lens of Brown and Conrady alone, and of the tracks those of the motions: with links between attitudes its
+    // start is far from any minimum of theirs, and without them it has been tried.
+    let of_motions = refined.fisheye.is_none() && refined.joint.cross_links.is_empty();
+    let usual_lens = closed_form.as_ref().filter(|_| of_motions);
     starts.extend(usual_lens.and_then(|solution| input.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());
     let Some(mut without) = input.tried(refined, solution, options, starts)? else { return Ok(None) };
-    let needed = if distance > MIN_CONFLICT_SIGMAS { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
     let Some(gain) = without.gain_over(refined, needed) else { return Ok(None) };
     let found: Vec<PriorConflict> = numbers.iter().filter_map(|&n| conflict_of(refined, &without, n, gain)).collect();
     if found.iter().all(|c| c.standardised_distance() < MIN_CONTRADICTION_SIGMAS) {
@@ -149,8 +185,14 @@ fn same_prior_from(
     Ok(again.and_then(|again| Some((again.gain_over(refined, MIN_GAIN_OF_MINIMUM)?, again))))
 }
 
-/// The options with the priors of some numbers wide; `None`: there is nothing to release.
-fn released(before: &RefinementOptions, refined: &Refined, numbers: &[usize]) -> Option<RefinementOptions> {
+/// The options with the priors of some numbers wide; `None`: there is nothing to release, or no reason to.
+fn released(refined: &Refined, numbers: &[usize]) -> Option<RefinementOptions> {
+    // What is held has no distance, and an aspect ratio hides in attitudes that stray; the principal point and the lens do not.
+    let hides = matches!(numbers, [ASPECT] | [SKEW]);
+    if distance_of(refined, numbers) < SUSPECT_DISTANCE && !hides {
+        return None;
+    }
+    let before = &refined.options;
     let mut options = before.clone();
     let unknowns = options.bundle.cameras.first_mut()?;
     let numbers_of_lens = refined.joint.bundle.cameras[0].state.count();

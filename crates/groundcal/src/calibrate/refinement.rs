@@ -1,6 +1,9 @@
 //! The joint refinement of the pairs selected: plane-normal motions over a floor, or a camera turning on the spot.
 
-use std::cmp::Reverse;
+use std::{
+    cmp::Reverse,
+    collections::{BTreeMap, BTreeSet},
+};
 
 use nalgebra::Matrix3;
 
@@ -201,6 +204,29 @@ fn free_views(joint: &JointSolution, pairs: &[PairObservation]) -> Vec<FreeView>
         }
     }
     found
+}
+
+/// Pairs beside the motions that may link their views to each other, or others to them: of each view those of most matches on a plane, as many as are used
+/// of it. Which of them are of the floor the refined camera tells.
+pub(super) fn likely_links(pairs: &[PairObservation], used: &[PairId]) -> Vec<PairId> {
+    let of_motions: BTreeSet<ImageId> = used.iter().flat_map(|&id| pairs[id].images()).collect();
+    let matches = |pair: &PairObservation| pair.moving_plane().map_or(0, |plane| plane.inliers.len());
+    let may_link = |pair: &&PairObservation| {
+        matches(pair) >= MIN_LINK_MATCHES
+            && !used.contains(&pair.id)
+            && pair.images().iter().any(|image| of_motions.contains(image))
+    };
+    let mut candidates: Vec<&PairObservation> = pairs.iter().filter(may_link).collect();
+    candidates.sort_by_key(|pair| (Reverse(matches(pair)), pair.id));
+    let mut links_of: BTreeMap<ImageId, usize> = BTreeMap::new();
+    let mut links = Vec::new();
+    for pair in candidates {
+        if pair.images().iter().any(|image| links_of.get(image).is_none_or(|n| *n < LINKS_PER_VIEW)) {
+            pair.images().iter().for_each(|image| *links_of.entry(*image).or_default() += 1);
+            links.push(pair.id);
+        }
+    }
+    links
 }
 
 /// Pairs of views of different attitudes whose homographies are of the floor that both look at.

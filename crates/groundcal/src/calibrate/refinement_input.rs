@@ -64,11 +64,25 @@ pub(super) struct Refined {
 /// Standard deviation of attitudes, radians, from which on it is asked what else may have caused their errors: a camera that stands still has attitude errors of a
 /// hundredth of a degree.
 const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
+/// Design effect up to which residuals of neighbours have no more in common than patches of pictures seen in many views usually do.
+const TAME_DESIGN_EFFECT: f64 = 5.0;
 
 impl Refined {
     /// Whether the attitude errors are larger than those of a camera that stands still.
     pub(super) fn has_attitude_errors(&self) -> bool {
         self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
+    }
+
+    /// Whether the refinement is linear enough for the evidence of alternatives to be foretold: it converged, attitudes do not stray, and the residuals
+    /// have little in common. (Of 643 alternatives tried there 560 promised nothing, and none of them was better by odds of 1000; elsewhere 29 of 2,000.)
+    pub(super) fn is_tame(&self) -> bool {
+        let effects = &self.joint.bundle.design_effects;
+        self.joint.has_converged() && !self.has_attitude_errors() && effects.iter().all(|e| *e <= TAME_DESIGN_EFFECT)
+    }
+
+    /// What the evidence would gain by an alternative, to first order; infinite where that is not defined.
+    pub(super) fn prospect(&self, options: &RefinementOptions) -> f64 {
+        self.joint.bundle.prospect(&self.joint.tracks, &options.bundle).unwrap_or(f64::INFINITY)
     }
 
     /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, where that is more than

@@ -30,7 +30,7 @@ use crate::{
     },
     result::Warning,
     vision::{
-        features::{detect_until, match_features_until},
+        features::{FeatureOptions, detect_until, match_features_until},
         image::GrayImage,
         still::still_parts,
     },
@@ -67,7 +67,15 @@ pub(super) enum GivenPairs {
     Planes(Vec<PairObservation>),
 }
 
-/// Images alone: features and their matches.
+/// Images alone, ready for features: without what stands still in all of them, and with the pairs that are to be compared.
+pub(super) struct PreparedImages<'a> {
+    names: &'a [String],
+    images: Cow<'a, [GrayImage]>,
+    pairs: Vec<(usize, usize)>,
+    warnings: Vec<Warning>,
+}
+
+/// Images alone.
 ///
 /// # Errors
 /// See [`Error`].
@@ -76,7 +84,7 @@ pub(super) fn from_images<'a>(
     images: &'a [GrayImage],
     options: &Options,
     observer: &dyn Observer,
-) -> Result<Source<'a>, Error> {
+) -> Result<PreparedImages<'a>, Error> {
     let size = one_size(names, images)?;
     options.validate(size)?;
     let (images, still) = without_still_parts(images, observer)?;
@@ -103,12 +111,32 @@ pub(super) fn from_images<'a>(
     if pairs.is_empty() {
         return Err(Error::TooFewImages { found: copies.iter().filter(|c| c.is_none()).count() });
     }
-    let features = observer.map(Stage::Features, &images, |image| detect_until(image, &options.features, observer))?;
-    let matched = observer.map(Stage::Matching, &pairs, |&(from, to)| {
-        let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
-        Ok(ImagePair { from, to, matches })
-    })?;
-    of_images(names, images, matched, options, warnings)
+    Ok(PreparedImages { names, images, pairs, warnings })
+}
+
+impl<'a> PreparedImages<'a> {
+    /// Images that are compared with others: all but copies.
+    pub(super) fn images_compared(&self) -> usize {
+        self.pairs.iter().flat_map(|&(a, b)| [a, b]).collect::<HashSet<usize>>().len()
+    }
+
+    /// Their features and the matches of these.
+    ///
+    /// # Errors
+    /// See [`Error`].
+    pub(super) fn matched(
+        &self,
+        features: &FeatureOptions,
+        options: &Options,
+        observer: &dyn Observer,
+    ) -> Result<Source<'a>, Error> {
+        let features = observer.map(Stage::Features, &self.images, |image| detect_until(image, features, observer))?;
+        let matched = observer.map(Stage::Matching, &self.pairs, |&(from, to)| {
+            let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
+            Ok(ImagePair { from, to, matches })
+        })?;
+        of_images(self.names, self.images.clone(), matched, options, self.warnings.clone())
+    }
 }
 
 /// Images with matches between them. Matches of what is not used of an image are left out.

@@ -5,6 +5,8 @@
 //! by re-weighted least squares (Chum, Matas & Kittler 2003), and a number of trials from the exact probability that a
 //! sample drawn without replacement is all inliers.
 
+use std::sync::OnceLock;
+
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
@@ -75,6 +77,12 @@ struct Magsac {
 impl Magsac {
     const CELLS: usize = 2048;
 
+    /// The one table there is.
+    fn table() -> &'static Self {
+        static TABLE: OnceLock<Magsac> = OnceLock::new();
+        TABLE.get_or_init(Self::new)
+    }
+
     fn new() -> Self {
         let gamma_half = |x: f64| std::f64::consts::PI.sqrt() * libm::erfc(x.sqrt());
         let gamma_three_halves = |x: f64| 0.5 * gamma_half(x) + x.sqrt() * (-x).exp();
@@ -138,7 +146,7 @@ pub(crate) fn search_until<P: RobustProblem>(
     if n < size {
         return None;
     }
-    let magsac = Magsac::new();
+    let magsac = Magsac::table();
     let mut rng = Pcg64Mcg::seed_from_u64(options.seed);
     // Scored in random order, so that a wrong model shows early whatever the order of the data.
     let mut order: Vec<usize> = (0..n).collect();
@@ -308,7 +316,7 @@ mod tests {
 
     #[test]
     fn the_loss_rises_from_zero_to_one_and_the_weight_falls() {
-        let m = Magsac::new();
+        let m = Magsac::table();
         assert_eq!(m.loss[0], 0.0);
         assert!((m.loss[Magsac::CELLS] - 1.0).abs() < 1e-12);
         assert!(m.loss.windows(2).all(|w| w[1] >= w[0]) && m.weight.windows(2).all(|w| w[1] <= w[0]));

@@ -30,6 +30,8 @@ pub(crate) struct PatchStageOptions {
     pub(crate) observe: ObserveOptions,
 }
 
+/// Every so many of an image's patches are sought in views of other attitudes.
+const LINK_STRIDE: usize = 3;
 /// Fewest patches that replace feature matches.
 const MIN_PATCHES: usize = 30;
 /// Distance from the border, in half sides of a patch, within which a patch may be found missing because part of it is outside.
@@ -41,27 +43,32 @@ const MAX_TURN_CHANGE_RAD: f64 = 0.1;
 /// Places of an image's templates: all its pairs share them.
 type Grids = BTreeMap<ImageId, Vec<(usize, usize)>>;
 
-/// Replaces the matches of the pairs `used` by patches matched by least squares and fits the homographies to them. A
-/// pair whose plane has too little texture, or whose patches contradict its features, keeps what it had.
+/// Replaces the matches of the pairs `used` by patches matched by least squares and fits the homographies to them; those of the pairs `links` by every
+/// third of an image's patches, all of them the same, so that they join those of motions to tracks. A pair whose plane has too little texture, or whose
+/// patches contradict its features, keeps what it had.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
 pub(crate) fn match_by_patches(
     mut pairs: Vec<PairObservation>,
-    used: &[PairId],
+    [used, links]: [&[PairId]; 2],
     images: &[GrayImage],
     lens: Option<&PlacedLens>,
     options: &PatchStageOptions,
     observer: &dyn Observer,
 ) -> Result<Vec<PairObservation>, Error> {
     let features: &[PairObservation] = &pairs;
-    let needed: BTreeSet<ImageId> = used.iter().map(|&id| features[id].from).collect();
+    let needed: BTreeSet<ImageId> = used.iter().chain(links).map(|&id| features[id].from).collect();
     let grid = |image: ImageId| Ok((image, template_grid_until(&images[image.index()], &options.patches, observer)?));
     let grids: Grids = needed.into_par_iter().map(grid).collect::<Result<_, Error>>()?;
-    let replaced = observer.map(Stage::Patches, used, |&id| {
+    let thinned: Grids =
+        grids.iter().map(|(&image, grid)| (image, grid.iter().step_by(LINK_STRIDE).copied().collect())).collect();
+    let all: Vec<(PairId, &Grids)> =
+        used.iter().map(|&id| (id, &grids)).chain(links.iter().map(|&id| (id, &thinned))).collect();
+    let replaced = observer.map(Stage::Patches, &all, |&(id, grids)| {
         let pair = &features[id];
         let Ok(turning) = &pair.outcome else { return Ok(None) };
-        replaced_by_patches(pair, turning, images, &grids, lens, options, observer)
+        replaced_by_patches(pair, turning, images, grids, lens, options, observer)
     })?;
     for pair in replaced.into_iter().flatten() {
         let place = pair.id.index();

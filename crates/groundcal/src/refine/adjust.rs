@@ -250,7 +250,7 @@ impl<'a> Rounds<'a> {
         let observations_of =
             |k: usize| tracks.iter().filter(|t| t.kind as usize == k).map(|t| t.observations.len()).sum();
         Ok(Bundle {
-            scene: problem.scene,
+            scene: self.problem.scene,
             cameras,
             lever_arm,
             unknowns: problem.cameras.clone(),
@@ -279,6 +279,7 @@ impl<'a> Rounds<'a> {
             remaining_gain: out.linearised.solve(0.0).map_or(f64::INFINITY, |step| step.predicted_decrease),
             stop: out.stop,
             state: out.state,
+            problem: self.problem,
         })
     }
 }

@@ -6,11 +6,13 @@ use crate::{
     geometry::{frame::Frame, intrinsics::Intrinsics},
     numerics::levenberg_marquardt::StopReason,
     refine::{
-        blocks::{CameraState, CameraUnknowns, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
+        blocks::{BundleOptions, CameraState, CameraUnknowns, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
         evidence::Evidence,
         lever::LeverArm,
+        problem::Problem,
+        prospect::{Explained, prospect},
         residual::SceneModel,
-        tracks::KINDS,
+        tracks::{KINDS, Track},
         variance_components::Component,
     },
 };
@@ -182,4 +184,14 @@ pub struct Bundle {
     pub remaining_gain: f64,
     /// Why the last loop ended.
     pub stop: StopReason,
+    /// What was minimised last.
+    pub(crate) problem: Problem,
+}
+
+impl Bundle {
+    /// What the evidence would gain by an alternative on the same tracks, to first order ([`prospect`]).
+    pub(crate) fn prospect(&self, tracks: &[Track], options: &BundleOptions) -> Option<f64> {
+        let at = Explained { state: &self.state, cost: self.cost, volumes: self.evidence?.volumes };
+        prospect(&self.problem, at, tracks, options)
+    }
 }

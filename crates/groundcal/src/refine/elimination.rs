@@ -4,6 +4,7 @@
 //! R do not contain the point any more and make the reduced normal equations (the Schur complement, Triggs et al. 2000, in its
 //! numerically better square-root form; of long tracks JᵀJ less the rows of R), the rows of R give the point back.
 
+use multiversion::multiversion;
 use nalgebra::{DVector, Vector2};
 
 use crate::{
@@ -182,23 +183,7 @@ impl Part {
     pub(crate) fn finish(&mut self, cluster: &Cluster) {
         let sign = if cluster.images.len() > LONG_TRACK { -1.0 } else { 1.0 };
         let last = cluster.columns.len();
-        let width = (last + 1).next_multiple_of(LANES);
-        for i in 0..width / LANES {
-            for k in 0..=i {
-                let mut sums = [[0.0; LANES]; LANES];
-                for row in self.pending.chunks_exact(width) {
-                    let blocks = row.as_chunks::<LANES>().0;
-                    let (x, y) = (blocks[i], blocks[k]);
-                    for (sums, x) in sums.iter_mut().zip(&x) {
-                        sums.iter_mut().zip(&y).for_each(|(sum, y)| *sum += x * y);
-                    }
-                }
-                for (row, sums) in (LANES * i..=last).zip(&sums) {
-                    let at = row_start(row) + LANES * k;
-                    self.equations[at..at + LANES].iter_mut().zip(sums).for_each(|(e, s)| *e += sign * s);
-                }
-            }
-        }
+        add_outer_products(&self.pending, last, sign, &mut self.equations);
         self.pending = Vec::new();
     }
 
@@ -209,6 +194,29 @@ impl Part {
             let sums = &mut self.equations[row_start(row)..row_start(row + 1)];
             for &column in &occupied[..(k + 1).min(occupied.len())] {
                 sums[column] += a * first[column] + b * second[column];
+            }
+        }
+    }
+}
+
+/// Adds the outer products of rows of `last` derivatives and a residual, padded, to a lower triangle (see [`row_start`]), in blocks that stay in
+/// registers.
+#[multiversion(targets("x86_64+avx2"))]
+fn add_outer_products(rows: &[f64], last: usize, sign: f64, triangle: &mut [f64]) {
+    let width = (last + 1).next_multiple_of(LANES);
+    for i in 0..width / LANES {
+        for k in 0..=i {
+            let mut sums = [[0.0; LANES]; LANES];
+            for row in rows.chunks_exact(width) {
+                let blocks = row.as_chunks::<LANES>().0;
+                let (x, y) = (blocks[i], blocks[k]);
+                for (sums, x) in sums.iter_mut().zip(&x) {
+                    sums.iter_mut().zip(&y).for_each(|(sum, y)| *sum += x * y);
+                }
+            }
+            for (row, sums) in (LANES * i..=last).zip(&sums) {
+                let at = row_start(row) + LANES * k;
+                triangle[at..at + LANES].iter_mut().zip(sums).for_each(|(e, s)| *e += sign * s);
             }
         }
     }
@@ -236,22 +244,27 @@ impl Reflections {
         self.vectors[0][1] = 0.0;
         let (second, gamma) = reflection(&mut self.vectors, 1)?;
         let common: f64 = self.vectors.iter().map(|[v, w]| v * w).sum();
-        // A few columns at a time, so that what they are multiplied with stays in registers.
-        for at in (0..active).step_by(LANES) {
-            let (mut by_v, mut by_w) = ([0.0; LANES], [0.0; LANES]);
-            for (row, [v, w]) in rows.chunks_exact(width).zip(&self.vectors) {
-                let values: [f64; LANES] = *row[at..].first_chunk()?;
-                by_v = std::array::from_fn(|i| by_v[i] + v * values[i]);
-                by_w = std::array::from_fn(|i| by_w[i] + w * values[i]);
-            }
-            by_v = by_v.map(|p| p * beta);
-            by_w = std::array::from_fn(|i| gamma * (by_w[i] - common * by_v[i]));
-            for (row, [v, w]) in rows.chunks_exact_mut(width).zip(&self.vectors) {
-                let values: &mut [f64; LANES] = row[at..].first_chunk_mut()?;
-                *values = std::array::from_fn(|i| values[i] - (v * by_v[i] + w * by_w[i]));
-            }
-        }
+        apply(rows, width, &self.vectors, [beta, gamma, common]);
         Some([first, corner, second])
+    }
+}
+
+/// Applies two reflections to all columns but the last two, a few at a time, so that what they are multiplied with stays in registers.
+#[multiversion(targets("x86_64+avx2"))]
+fn apply(rows: &mut [f64], width: usize, vectors: &[[f64; 2]], [beta, gamma, common]: [f64; 3]) {
+    for at in (0..width - 2).step_by(LANES) {
+        let (mut by_v, mut by_w) = ([0.0; LANES], [0.0; LANES]);
+        for (row, [v, w]) in rows.chunks_exact(width).zip(vectors) {
+            let Some(values) = row[at..].first_chunk::<LANES>() else { return };
+            by_v = std::array::from_fn(|i| by_v[i] + v * values[i]);
+            by_w = std::array::from_fn(|i| by_w[i] + w * values[i]);
+        }
+        by_v = by_v.map(|p| p * beta);
+        by_w = std::array::from_fn(|i| gamma * (by_w[i] - common * by_v[i]));
+        for (row, [v, w]) in rows.chunks_exact_mut(width).zip(vectors) {
+            let Some(values) = row[at..].first_chunk_mut::<LANES>() else { return };
+            *values = std::array::from_fn(|i| values[i] - (v * by_v[i] + w * by_w[i]));
+        }
     }
 }
 

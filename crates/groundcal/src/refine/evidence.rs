@@ -21,8 +21,10 @@ const MIN_VARIANCE: f64 = 0.04;
 /// The parts of a model's evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Evidence {
-    /// -2 ln of the part of priors and variance components.
-    random_effects: f64,
+    /// Sum of squares of what has a prior, in its deviations.
+    squares: f64,
+    /// The rest of -2 ln of the part of priors and variance components ([`volumes`]).
+    pub(crate) volumes: f64,
     /// Degrees of freedom of each kind, and the variance of its residuals.
     residuals: [(f64, f64); KINDS],
     /// What neighbouring residuals have in common, for each kind.
@@ -40,18 +42,9 @@ impl Evidence {
         residuals: [(f64, f64); KINDS],
         design_effects: [f64; KINDS],
     ) -> Option<Self> {
-        let priors = problem.priors(state);
-        let mut free = vec![true; problem.layout.size];
-        let mut random_effects = -2.0 * components.log_evidence;
-        for (d, sigma) in &priors {
-            free[d.column] = false;
-            random_effects += (d.value / sigma).powi(2) + 2.0 * sigma.ln();
-        }
-        // ln |C_D| = ln |information of the others| - ln |information of all|.
-        let others: Vec<usize> = (0..free.len()).filter(|&column| free[column]).collect();
-        let of_others = linearised.information.restricted(&others).cholesky(0.0)?.log_determinant();
-        random_effects += factor.log_determinant() - of_others;
-        Some(Self { random_effects, residuals, design_effects })
+        let squares = problem.priors(state).iter().map(|(d, sigma)| (d.value / sigma).powi(2)).sum();
+        let volumes = volumes(problem, state, linearised, factor, components)?;
+        Some(Self { squares, volumes, residuals, design_effects })
     }
 
     /// By how much -2 ln E is smaller than another model's of the same tracks.
@@ -64,6 +57,27 @@ impl Evidence {
             let ln = |v: f64| v.max(MIN_VARIANCE).ln();
             count / effect * (ln(before) - ln(variance))
         };
-        other.random_effects - self.random_effects + (0..KINDS).map(of_kind).sum::<f64>()
+        other.squares - self.squares + other.volumes - self.volumes + (0..KINDS).map(of_kind).sum::<f64>()
     }
+}
+
+/// What -2 ln E has beside squares: volumes that the priors allow over those that the data leave, and the mean over the variance components. `None` where
+/// the information of what has no prior is singular.
+pub(crate) fn volumes(
+    problem: &Problem,
+    state: &State,
+    linearised: &Reduced,
+    factor: &SkylineCholesky,
+    components: &VarianceComponents,
+) -> Option<f64> {
+    let mut free = vec![true; problem.layout.size];
+    let mut sum = -2.0 * components.log_evidence;
+    for (d, sigma) in problem.priors(state) {
+        free[d.column] = false;
+        sum += 2.0 * sigma.ln();
+    }
+    // ln |C_D| = ln |information of the others| - ln |information of all|.
+    let others: Vec<usize> = (0..free.len()).filter(|&column| free[column]).collect();
+    let of_others = linearised.information.restricted(&others).cholesky(0.0)?.log_determinant();
+    Some(sum + factor.log_determinant() - of_others)
 }

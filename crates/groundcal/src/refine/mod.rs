@@ -10,10 +10,10 @@
 //! height (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood.
 //!
-//! The unknowns are `blocks`; the `layout` says where each stands. Numbers of the lens that are held until the residuals ask for them
-//! are released by a score test (`release`). The points are eliminated (`elimination`); what is left is
-//! sparse (`skyline`). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
-//! `covariance` and `profile`.
+//! The unknowns are [`blocks`]; the [`layout`] says where each stands. Numbers of the lens that are held until the residuals ask for them
+//! are released by a score test (`release`). The points are eliminated ([`elimination`]); what is left is
+//! sparse ([`crate::numerics::skyline`]). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
+//! `covariance` and `profile`. What an alternative would gain is looked at (`prospect`) before it is tried.
 
 pub(crate) mod adjust;
 pub(crate) mod blocks;
@@ -25,6 +25,7 @@ pub(crate) mod layout;
 pub(crate) mod lever;
 pub(crate) mod problem;
 pub(crate) mod profile;
+pub(crate) mod prospect;
 pub(crate) mod release;
 pub(crate) mod residual;
 pub(crate) mod reweight;

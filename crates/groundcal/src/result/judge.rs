@@ -48,9 +48,11 @@ pub fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
     }
     match &c.fit.refinement {
         Some(r) => {
-            for residuals in [&r.patches, &r.points].into_iter().flatten() {
+            let kinds = [(&r.patches, r.cross_attitude_links > 0), (&r.points, false)];
+            for (residuals, linked) in kinds.into_iter().filter_map(|(r, linked)| Some((r.as_ref()?, linked))) {
                 let share = residuals.observations as f64 / r.observations.max(1) as f64;
-                for (code, message) in of_residuals(residuals, share * r.degrees_of_freedom, usual_design_effect(c)) {
+                let usual = usual_design_effect(c, linked);
+                for (code, message) in of_residuals(residuals, share * r.degrees_of_freedom, usual) {
                     add(VerdictLevel::Unchecked, code, message);
                 }
             }
@@ -178,10 +180,12 @@ pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
     }
 }
 
-/// The design effect up to which residuals are usual; none where the refinement judges it itself.
-fn usual_design_effect(c: &Calibration) -> Option<f64> {
+/// The design effect up to which residuals are usual; none where the refinement judges it itself. Patches that are sought in views of other attitudes
+/// too (`linked`) are seen as those of views that moved in any way.
+fn usual_design_effect(c: &Calibration, linked: bool) -> Option<f64> {
     match (c.scene, c.motion) {
         (Some(Scene::Floor), Some(MotionKind::General)) => Some(MAX_GENERAL_DESIGN_EFFECT),
+        (Some(Scene::Floor), _) if linked => Some(MAX_GENERAL_DESIGN_EFFECT),
         (Some(Scene::Floor), _) => Some(MAX_DESIGN_EFFECT),
         _ => None,
     }

@@ -15,6 +15,7 @@
 //! Templates belong to an image, not to a pair ([`template_grid`]): matches of one image with several others share their
 //! places exactly and join to tracks.
 
+use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 use rayon::prelude::*;
 
@@ -238,7 +239,7 @@ pub(crate) fn match_patches_until(
             || Workspace::new(options.radius_px),
             |work, &(x, y)| {
                 observer.go_on()?;
-                Ok(if in_a(x, y) { work.match_patch(a, b, (x, y), map, options) } else { None })
+                Ok(if in_a(x, y) { match_patch(work, a, b, (x, y), map, options) } else { None })
             },
         )
         .collect::<Result<_, Error>>()?;
@@ -288,6 +289,19 @@ const CONVERGENCE_PX: f64 = 2e-3;
 /// Values handled at once: enough for the compiler to fill vector registers.
 const LANES: usize = 8;
 
+/// See [`Workspace::match_patch`].
+#[multiversion(targets("x86_64+avx2"))]
+fn match_patch(
+    work: &mut Workspace,
+    a: &GrayImage,
+    b: &GrayImage,
+    at: (usize, usize),
+    map: &(dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>> + Sync),
+    options: &PatchOptions,
+) -> Option<PatchMatch> {
+    work.match_patch(a, b, at, map, options)
+}
+
 /// Room for one patch, used again for every patch of a thread. All vectors have one entry a pixel, row by row, filled up to
 /// whole lanes with entries that add nothing.
 struct Workspace {
@@ -332,6 +346,7 @@ impl Workspace {
     }
 
     /// Matches one patch; `None` where there is too little texture, the patch leaves b, or something else is seen there.
+    #[inline(always)]
     fn match_patch(
         &mut self,
         a: &GrayImage,
@@ -424,6 +439,7 @@ impl Workspace {
     }
 
     /// Where the patch's pixels lie in b, from `base`; the least and the greatest of both coordinates.
+    #[inline(always)]
     fn place(&mut self, local: &LocalMap, base: &Vector2<f64>) -> [[f64; 2]; 2] {
         let side = 2 * self.radius + 1;
         let start = local.at - base;
@@ -451,6 +467,7 @@ impl Workspace {
     }
 
     /// The template around (x, y) and its normal matrix; `None` without texture.
+    #[inline(always)]
     fn take_template(&mut self, a: &GrayImage, (x, y): (usize, usize)) -> Option<TemplateSums> {
         let side = 2 * self.radius + 1;
         let (left, top) = (x - self.radius, y - self.radius);
@@ -495,6 +512,7 @@ impl Workspace {
     }
 
     /// Values of b at the patch's places, shifted.
+    #[inline(always)]
     fn sample(&mut self, b: &GrayImage, base_index: usize, (sx, sy): (f32, f32)) {
         let width = b.size().width;
         let places = self.x.as_chunks::<LANES>().0.iter().zip(self.y.as_chunks::<LANES>().0);
@@ -527,6 +545,7 @@ impl Workspace {
     }
 
     /// Residuals; their sum of squares.
+    #[inline(always)]
     fn subtract(&mut self, gain: f32, bias: f32) -> f32 {
         for ((r, t), v) in self.residuals.iter_mut().zip(&self.template).zip(&self.values) {
             *r = t - gain * v - bias;
@@ -542,6 +561,7 @@ impl Workspace {
     }
 
     /// Median of the residuals' sizes, by bisection: it is not above √2 times their root mean square.
+    #[inline(always)]
     fn median_size(&self, rms: f32) -> f32 {
         let (mut low, mut high) = (0.0f32, std::f32::consts::SQRT_2 * rms);
         let wanted = (self.n / 2 + self.residuals.len() - self.n) as u32;
@@ -563,6 +583,7 @@ impl Workspace {
     }
 
     /// Σ j ψ, with j as in [`TemplateSums::inverse`] and ψ the residual, cut at `limit`.
+    #[inline(always)]
     fn clipped_products(&self, limit: f32) -> Vector4<f64> {
         let mut lanes = [[0.0f32; LANES]; 4];
         let residuals = self.residuals.as_chunks::<LANES>().0.iter();
@@ -580,6 +601,7 @@ impl Workspace {
     }
 
     /// How large the residuals are that `clipped_products` saw.
+    #[inline(always)]
     fn spread(&self, limit: f32) -> Spread {
         let (mut squares, mut weighted, mut weights, mut within) = (0.0f32, 0.0f32, 0.0f32, 0.0f32);
         for r in &self.residuals[..self.n] {
@@ -623,11 +645,13 @@ fn whole_and_fraction(x: f32) -> (i32, f32) {
 }
 
 /// The three rows around row `y`, from one column left of `x` on, `n + 2` columns.
+#[inline(always)]
 fn three_rows(image: &GrayImage, (x, y): (usize, usize), n: usize) -> [&[f32]; 3] {
     [y - 1, y, y + 1].map(|y| &image.row(y)[x - 1..x + n + 1])
 }
 
 /// The spline at the pixels of row `y` from column `x` on, at least one pixel inside the image.
+#[inline(always)]
 fn spline_values(image: &GrayImage, at: (usize, usize), values: &mut [f32]) {
     let [above, here, below] = three_rows(image, at, values.len());
     for (i, value) in values.iter_mut().enumerate() {
@@ -637,6 +661,7 @@ fn spline_values(image: &GrayImage, at: (usize, usize), values: &mut [f32]) {
 }
 
 /// Its gradient there.
+#[inline(always)]
 fn spline_gradients(image: &GrayImage, at: (usize, usize), gx: &mut [f32], gy: &mut [f32]) {
     let [above, here, below] = three_rows(image, at, gx.len());
     // Derivative (-1, 0, 1) / 2 along one axis, value (1, 4, 1) / 6 along the other.

@@ -2,6 +2,7 @@
 //!
 //! Descriptors have unit length, so |p - q|² = 2 - 2 p·q: the nearest is the one of largest product.
 
+use multiversion::multiversion;
 use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Vector2};
 
 use crate::{
@@ -68,13 +69,7 @@ pub(crate) fn match_features_until(
         for r in 0..rows {
             let row = &products[r * nb..(r + 1) * nb];
             let index = (start + r) as u32;
-            for ((&value, best), nearest) in row.iter().zip(&mut backward_best).zip(&mut backward) {
-                // Masks instead of a branch: the compiler does several at once.
-                let (before, was) = (*best, *nearest);
-                let mask = u32::from(value > before).wrapping_neg();
-                *best = if value > before { value } else { before };
-                *nearest = (index & mask) | (was & !mask);
-            }
+            keep_nearest(row, index, &mut backward_best, &mut backward);
             let [first, mut second] = two_largest(row);
             let near = |j: usize| {
                 let (p, q) = (&b.points[first.0], &b.points[j]);
@@ -114,7 +109,20 @@ pub(crate) fn match_features_until(
     Ok(matches)
 }
 
+/// Puts a row's values and its index in the place of smaller ones.
+#[multiversion(targets("x86_64+avx2"))]
+fn keep_nearest(row: &[f32], index: u32, best: &mut [f32], nearest: &mut [u32]) {
+    for ((&value, best), nearest) in row.iter().zip(best).zip(nearest) {
+        // Masks instead of a branch: the compiler does several at once.
+        let (before, was) = (*best, *nearest);
+        let mask = u32::from(value > before).wrapping_neg();
+        *best = if value > before { value } else { before };
+        *nearest = (index & mask) | (was & !mask);
+    }
+}
+
 /// The two largest values of a row and where they are; of equals the first.
+#[multiversion(targets("x86_64+avx2"))]
 fn two_largest(row: &[f32]) -> [(usize, f32); 2] {
     const LANES: usize = 16;
     let (mut first, mut second) = ((0, f32::NEG_INFINITY), (0, f32::NEG_INFINITY));

@@ -1,5 +1,7 @@
 //! Gaussian scale space and the extrema of its differences.
 
+use multiversion::multiversion;
+
 use crate::{
     error::Error,
     geometry::size::ImageSize,
@@ -102,12 +104,14 @@ impl DifferenceRows {
         Self { rows: [row(), row(), row()], high: row(), low: row() }
     }
 
+    #[inline(always)]
     fn subtract(&mut self, upper: &[f32], lower: &[f32], y: usize) {
         for ((d, u), l) in self.rows[y % 3].iter_mut().zip(upper).zip(lower) {
             *d = u - l;
         }
     }
 
+    #[inline(always)]
     fn take_extremes(&mut self) {
         let [a, b, c] = &self.rows;
         for (high, ((a, b), c)) in self.high.iter_mut().zip(a.iter().zip(b).zip(c)) {
@@ -132,6 +136,7 @@ fn smaller(a: f32, b: f32) -> f32 {
 
 /// Samples of an octave's differences that are not exceeded by their 26 neighbours. The differences are taken row by row and
 /// not kept.
+#[multiversion(targets("x86_64+avx2"))]
 fn extrema_of_octave(
     octave: &Octave,
     index: usize,
@@ -299,40 +304,35 @@ pub(crate) fn halve(image: &GrayImage) -> GrayImage {
 }
 
 /// Columns summed up at once: their sums stay in registers.
-const LANES: usize = 16;
+const LANES: usize = 32;
 
-/// Weighted sum of symmetric neighbours for the `LANES` (or, at the end of a row, fewer) values from column `x` on.
-/// `at(i)` gives the two rows (or the row, shifted) `i` steps to either side.
+/// Weighted sum of symmetric neighbours. `pairs[i]` are the two rows (or the row, shifted) `i` steps to either side, as long as `out`.
 #[inline(always)]
-fn symmetric_sum<'a>(out: &mut [f32], weights: &[f32], at: impl Fn(usize) -> (&'a [f32], &'a [f32])) {
+fn symmetric_sum(out: &mut [f32], weights: &[f32], pairs: &[[&[f32]; 2]]) {
     let width = out.len();
     let whole = width - width % LANES;
-    for x in (0..whole).step_by(LANES) {
+    let (blocks, rest) = out.split_at_mut(whole);
+    for (block, out) in blocks.as_chunks_mut::<LANES>().0.iter_mut().enumerate() {
+        let x = block * LANES;
         let mut sums = [0.0f32; LANES];
-        let centre = &at(0).0[x..x + LANES];
-        for (s, v) in sums.iter_mut().zip(centre) {
-            *s = weights[0] * v;
-        }
-        for (i, weight) in weights.iter().enumerate().skip(1) {
-            let (before, after) = at(i);
+        for (i, ([before, after], weight)) in pairs.iter().zip(weights).enumerate() {
             let (before, after) = (&before[x..x + LANES], &after[x..x + LANES]);
-            for ((s, b), a) in sums.iter_mut().zip(before).zip(after) {
-                *s += weight * (b + a);
+            if i == 0 {
+                sums.iter_mut().zip(before).for_each(|(s, v)| *s = weight * v);
+            } else {
+                sums.iter_mut().zip(before.iter().zip(after)).for_each(|(s, (b, a))| *s += weight * (b + a));
             }
         }
-        out[x..x + LANES].copy_from_slice(&sums);
+        *out = sums;
     }
-    for x in whole..width {
-        let mut sum = weights[0] * at(0).0[x];
-        for (i, weight) in weights.iter().enumerate().skip(1) {
-            let (before, after) = at(i);
-            sum += weight * (before[x] + after[x]);
-        }
-        out[x] = sum;
+    for (x, out) in (whole..width).zip(rest) {
+        let pairs = pairs.iter().zip(weights).enumerate();
+        *out = pairs.fold(0.0, |sum, (i, ([b, a], weight))| sum + weight * if i == 0 { b[x] } else { b[x] + a[x] });
     }
 }
 
 /// Gaussian blur, borders repeated; the kernel reaches to three and a half standard deviations.
+#[multiversion(targets("x86_64+avx2"))]
 pub(crate) fn blur(image: &GrayImage, sigma: f64) -> GrayImage {
     let radius = (3.5 * sigma).ceil().max(1.0) as usize;
     let weights: Vec<f64> = (0..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
@@ -345,22 +345,22 @@ pub(crate) fn blur(image: &GrayImage, sigma: f64) -> GrayImage {
     let kept = 2 * radius + 1;
     let mut across = vec![0.0f32; kept * w];
     let place = |y: usize| y % kept * w..(y % kept + 1) * w;
-    let mut down = Vec::with_capacity(w * h);
+    let mut down = vec![0.0f32; w * h];
     let mut done = 0;
-    for y in 0..h {
+    for (y, out) in down.chunks_exact_mut(w).enumerate() {
         while done < (y + radius + 1).min(h) {
             let row = image.row(done);
             padded[..radius].fill(row[0]);
             padded[radius..radius + w].copy_from_slice(row);
             padded[radius + w..].fill(row[w - 1]);
-            let shifted = |i: usize| (&padded[radius - i..radius - i + w], &padded[radius + i..radius + i + w]);
-            symmetric_sum(&mut across[place(done)], &weights, shifted);
+            let shifted: Vec<[&[f32]; 2]> =
+                (0..=radius).map(|i| [&padded[radius - i..][..w], &padded[radius + i..][..w]]).collect();
+            symmetric_sum(&mut across[place(done)], &weights, &shifted);
             done += 1;
         }
-        let start = down.len();
-        down.resize(start + w, 0.0);
-        let rows = |i: usize| (&across[place(y.saturating_sub(i))], &across[place((y + i).min(h - 1))]);
-        symmetric_sum(&mut down[start..], &weights, rows);
+        let rows: Vec<[&[f32]; 2]> =
+            (0..=radius).map(|i| [&across[place(y.saturating_sub(i))], &across[place((y + i).min(h - 1))]]).collect();
+        symmetric_sum(out, &weights, &rows);
     }
     GrayImage::from_parts(image.size(), down)
 }
