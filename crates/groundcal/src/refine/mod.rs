@@ -10,9 +10,9 @@
 //! height (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood.
 //!
-//! The unknowns are [`blocks`]; the [`layout`] says where each stands. Numbers of the lens that are held until the residuals ask for them
-//! are released by a score test (`release`). The points are eliminated ([`elimination`]); what is left is
-//! sparse ([`crate::numerics::skyline`]). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
+//! The unknowns are `blocks`; the `layout` says where each stands. Numbers of the lens that are held until the residuals ask for them
+//! are released by a score test (`release`). The points are eliminated (`elimination`); what is left is
+//! sparse (`skyline`). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
 //! `covariance` and `profile`. What an alternative would gain is looked at (`prospect`) before it is tried.
 
 pub(crate) mod adjust;
