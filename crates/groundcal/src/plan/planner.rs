@@ -94,6 +94,7 @@ const MAX_LN_F_SIGMA: f64 = 2.0;
 
 /// How well the camera is expected to be known.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Prediction {
     /// Standard deviations, pixels; `None`: held.
     pub standard_deviation: StandardDeviation,
@@ -133,6 +134,7 @@ pub struct PlannedMotion {
 
 /// What to do, and what to expect of it.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Plan {
     /// The motions, the most useful first; fewer than asked for where one more would lower the standard deviation of f by less
     /// than a hundredth.

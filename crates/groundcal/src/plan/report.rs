@@ -18,6 +18,7 @@ const SIMULATED_SIGMA_DEG: f64 = 0.1;
 
 /// A plan, what carries the camera, and what the error bars assume.
 #[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
 pub struct PlanReport {
     /// Version of this format.
     pub format_version: u32,
@@ -37,6 +38,7 @@ pub struct PlanReport {
 
 /// What the error bars assume.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Assumptions {
     /// Width and height.
     pub image_size: [usize; 2],

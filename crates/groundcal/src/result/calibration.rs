@@ -74,6 +74,7 @@ impl std::fmt::Display for PixelCentre {
 /// # Ok::<(), groundcal::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Calibration {
     /// Version of this form: it grows with every field or name that is new. [`SCHEMA_VERSION`]; files without it are of version 1.
     #[serde(default = "first_version")]

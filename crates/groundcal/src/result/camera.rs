@@ -179,6 +179,7 @@ pub struct DistortionReport {
 
 /// A Gaussian prior and how much it counted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Prior {
     /// The parameter.
     pub parameter: PriorParameter,
@@ -196,6 +197,7 @@ pub struct Prior {
 
 /// A prior that the images contradicted, and that was released for it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct PriorConflict {
     /// The parameter.
     pub parameter: PriorParameter,

@@ -45,6 +45,7 @@ impl VerdictLevel {
 
 /// Why an answer is no better than its level.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct VerdictReason {
     /// Stable name: that of a warning, of an error, or one of the verdict's own.
     pub code: String,
@@ -69,6 +70,7 @@ pub struct VerdictReason {
 /// # Ok::<(), groundcal::Error>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Verdict {
     /// In one word.
     pub level: VerdictLevel,

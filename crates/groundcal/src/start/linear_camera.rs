@@ -64,6 +64,7 @@ pub struct CameraOptions {
 
 /// A camera matrix and how sure it is.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct CameraSolution {
     /// In pixels.
     pub intrinsics: Intrinsics,
