@@ -8,7 +8,7 @@ use std::{
 use groundcal::{
     geometry::rotation_cam_from_world,
     result::{Calibration, Camera},
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 use groundcal_io::{
     export::{self, Format},

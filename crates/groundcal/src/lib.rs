@@ -98,7 +98,7 @@ pub use crate::{
     remedy::{Remedy, Wording},
     result::{Calibration, Covariance, Method, Parameter, PriorParameter, Verdict, VerdictLevel, Warning},
     start::GivenPrior,
-    vision::{image::GrayImage, mask::Mask},
+    vision::{GrayImage, Mask},
 };
 
 /// The commands and the code of the README, so that they are compiled.

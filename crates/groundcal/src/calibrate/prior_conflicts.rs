@@ -86,7 +86,7 @@ enum Alternative {
 }
 
 /// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
-const FAR_AHEAD: f64 = 100.0;
+const DECISIVE_GAIN: f64 = 100.0;
 
 /// The best refinement of those with one assumption less; `None`: none is better. Those that promise most are tried first.
 fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Option<Refined>, Error> {
@@ -115,13 +115,13 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Op
         let prospect = refined.prospect(&options);
         let asked =
             matches!(alternative, Alternative::Without(numbers) if distance_of(refined, numbers) > MIN_CONFLICT_SIGMAS);
-        if asked || prospect > 0.0 || !refined.is_tame() {
+        if asked || prospect > 0.0 || !refined.is_nearly_linear() {
             promising.push((prospect, alternative));
         }
     }
     promising.sort_by(|a, b| b.0.total_cmp(&a.0));
     for (prospect, alternative) in promising {
-        if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + FAR_AHEAD) {
+        if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + DECISIVE_GAIN) {
             break;
         }
         let found = match alternative {

@@ -65,7 +65,7 @@ pub(super) struct Refined {
 /// hundredth of a degree.
 const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
 /// Design effect up to which residuals of neighbours have no more in common than patches of pictures seen in many views usually do.
-const TAME_DESIGN_EFFECT: f64 = 5.0;
+const MAX_LINEAR_DESIGN_EFFECT: f64 = 5.0;
 
 impl Refined {
     /// Whether the attitude errors are larger than those of a camera that stands still.
@@ -75,9 +75,11 @@ impl Refined {
 
     /// Whether the refinement is linear enough for the evidence of alternatives to be foretold: it converged, attitude errors are small, and the residuals
     /// have little in common. (Of 643 alternatives tried there 560 promised nothing, and none of them was better by odds of 1000; elsewhere 29 of 2,000.)
-    pub(super) fn is_tame(&self) -> bool {
+    pub(super) fn is_nearly_linear(&self) -> bool {
         let effects = &self.joint.bundle.design_effects;
-        self.joint.has_converged() && !self.has_attitude_errors() && effects.iter().all(|e| *e <= TAME_DESIGN_EFFECT)
+        self.joint.has_converged()
+            && !self.has_attitude_errors()
+            && effects.iter().all(|e| *e <= MAX_LINEAR_DESIGN_EFFECT)
     }
 
     /// What the evidence would gain by an alternative, to first order; infinite where that is not defined.

@@ -24,7 +24,7 @@ use crate::{
 ///
 /// # Examples
 /// ```
-/// use groundcal::{ImageSize, ImagePair, Options, Silent, calibrate_matches, rectify_image, synthetic::PointScene, vision::resample::Raster};
+/// use groundcal::{synthetic::PointScene, vision::Raster, ImagePair, ImageSize, Options, Silent, calibrate_matches, rectify_image};
 ///
 /// let scene = PointScene::nominal(0);
 /// let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();

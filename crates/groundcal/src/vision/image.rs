@@ -53,7 +53,7 @@ impl GrayImage {
     ///
     /// ```
     /// use std::sync::Arc;
-    /// use groundcal::{geometry::ImageSize, vision::{image::GrayImage, mask::Mask}};
+    /// use groundcal::{geometry::ImageSize, vision::{GrayImage, Mask}};
     ///
     /// let size = ImageSize::new(4, 3);
     /// let upper_row = Mask::new(size, &(0..12).map(|i| i < 4).collect::<Vec<_>>()).expect("12 pixels");
@@ -108,7 +108,7 @@ impl GrayImage {
     }
 
     /// One row.
-    pub fn row(&self, y: usize) -> &[f32] {
+    pub(crate) fn row(&self, y: usize) -> &[f32] {
         &self.data[y * self.size.width..(y + 1) * self.size.width]
     }
 
