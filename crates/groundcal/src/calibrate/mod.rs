@@ -61,7 +61,7 @@ pub use crate::pairs::pair_lens::RadialCorrection;
 pub use options::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom. What stands still in all of them is set aside
-/// before (see [`crate::vision::still`]); the observer hears of it, and the calibration has it among its warnings.
+/// before (see `still`); the observer hears of it, and the calibration has it among its warnings.
 ///
 /// # Errors
 /// See [`Error`].

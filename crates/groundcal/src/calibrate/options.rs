@@ -89,7 +89,7 @@ pub enum MotionModel {
 /// How many features are looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureDensity {
-    /// Few ([`FeatureOptions::coarse`]), enough to find the planes that patches are then matched on; all where these do not carry the answer:
+    /// Few (`coarse`), enough to find the planes that patches are then matched on; all where these do not carry the answer:
     /// where there is none, where patches find too little texture, or where images are left over.
     #[default]
     Auto,

@@ -197,7 +197,7 @@ pub(crate) fn search_until<P: RobustProblem>(
     }
     let (mut model, mut cost, _) = best?;
     if !rest.is_empty() {
-        (model, cost) = on_all(problem, options, model, &magsac);
+        (model, cost) = on_all(problem, options, model, magsac);
     }
     let inliers = (0..n).filter(|&i| problem.squared_residual(&model, i) < OUTLIER_SQUARED).collect();
     Some(RansacOutput { model, cost, inliers, trials })

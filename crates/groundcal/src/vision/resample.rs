@@ -270,7 +270,7 @@ impl<T: Depth> Resampled<T> {
     }
 }
 
-/// The source as seen through a map from target to source pixels; see [`resample_into`]. `size` must not be empty.
+/// The source as seen through a map from target to source pixels; see `resample_into`. `size` must not be empty.
 pub fn resample<T: Depth>(
     source: &Pyramid<T>,
     size: ImageSize,
