@@ -3,7 +3,7 @@
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_images, calibrate_matched_images},
+    calibrate::{FeatureDensity, Options, Silent, calibrate_images, calibrate_matched_images},
     error::Error,
     pairs::ImagePair,
     vision::{PatchMatch, PatchOptions, detect, match_features, match_patches, template_grid},
@@ -82,13 +82,14 @@ fn matches_that_are_there_already_give_the_same_calibration() {
     let scene = scene(TextureKind::Terrazzo);
     let images = [0, 1].map(|i| render_view(&scene, i).expect("a picture").to_gray());
     let names = ["a.png", "b.png"].map(String::from);
-    let options = Options::default();
+    let options = Options { feature_density: FeatureDensity::Dense, ..Options::default() };
     let features = images.each_ref().map(|i| detect(i, &options.features));
     let matches = match_features(&features[0], &features[1], &options.matching);
     let pair = ImagePair { from: 0, to: 1, matches };
     let expected = calibrate_images(&names, &images, &options, &Silent).expect("a calibration");
     let given = calibrate_matched_images(&names, &images, std::slice::from_ref(&pair), &options, &Silent);
-    assert_eq!(given.expect("a calibration"), expected);
+    // What differs is far too long to be printed.
+    assert!(given.expect("a calibration") == expected);
     // A pair of images that are not there.
     let wrong = ImagePair { to: 2, ..pair };
     assert!(matches!(

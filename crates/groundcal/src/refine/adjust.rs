@@ -7,7 +7,7 @@ use crate::{
     error::Error,
     numerics::{
         levenberg_marquardt::{Linearisation, LmOutput, minimise_until},
-        skyline::SkylineCholesky,
+        skyline::{Skyline, SkylineCholesky},
     },
     observer::{Observer, Silent},
     refine::{
@@ -60,7 +60,7 @@ pub(crate) fn adjust_until(
     for round in 1.. {
         let fit = rounds.minimised(observer)?;
         let weight_estimate = rounds.weight_estimate(&fit);
-        let components = rounds.components.updated(&rounds.problem, &fit.out.state, &fit.factor, options);
+        let components = rounds.components.updated(&rounds.problem, &fit.out.state, fit.equations(), options);
         let converged = rounds.cameras_converged(&fit)
             & weight_estimate.has_converged(rounds.effects)
             & components.has_converged(&rounds.components);
@@ -103,6 +103,12 @@ struct Fit {
     residuals: Vec<Vec<Vector2<f64>>>,
     /// Their squares without the weights of the loss.
     squared_residuals: Vec<Vec<f64>>,
+}
+
+impl Fit {
+    fn equations(&self) -> (&Skyline, &SkylineCholesky) {
+        (&self.out.linearised.information, &self.factor)
+    }
 }
 
 fn minimum(fit: &Fit) -> Minimum<'_> {

@@ -23,6 +23,7 @@ pub(crate) mod elimination;
 pub(crate) mod evidence;
 pub(crate) mod layout;
 pub(crate) mod lever;
+pub(crate) mod many_effects;
 pub(crate) mod problem;
 pub(crate) mod profile;
 pub(crate) mod prospect;

@@ -52,7 +52,7 @@ pub(crate) fn prospect(problem: &Problem, at: Explained<'_>, tracks: &[Track], o
     let step = linearised.solve(0.0)?;
     let factor = linearised.information.cholesky(0.0)?;
     let there = other.retract(state, &linearised.completed(step.step));
-    let components = in_force.updated(&other, &there, &factor, options);
+    let components = in_force.updated(&other, &there, (&linearised.information, &factor), options);
     let volumes = volumes(&other, &there, &linearised, &factor, &components)?;
     Some(2.0 * (at.cost - linearised.cost() + step.predicted_decrease) + at.volumes - volumes)
 }

@@ -133,11 +133,10 @@ impl Problem {
         squared_residuals: &[Vec<f64>],
         factor: &SkylineCholesky,
     ) -> ([f64; KINDS], f64) {
-        let held: f64 = self
-            .prior_information(state)
-            .into_iter()
-            .map(|(column, information)| (information * factor.inverse_block(&[column])[(0, 0)]).min(1.0))
-            .sum();
+        let priors = self.prior_information(state);
+        let variances = factor.inverse_diagonal(&priors.iter().map(|(column, _)| *column).collect::<Vec<_>>());
+        let held: f64 =
+            priors.iter().zip(variances).map(|((_, information), variance)| (information * variance).min(1.0)).sum();
         let redundancies = self.redundancies().map(|r| r as f64);
         let total: f64 = redundancies.iter().sum();
         let dof = total - (self.layout.size as f64 - held);

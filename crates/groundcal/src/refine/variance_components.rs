@@ -5,11 +5,12 @@ use nalgebra::{DMatrix, DVector};
 use crate::{
     numerics::{
         linalg::{inverse_spd, symmetric_eigen},
-        skyline::SkylineCholesky,
+        skyline::{Skyline, SkylineCholesky},
         statistics::{VarianceComponent, chi_squared_survival},
     },
     refine::{
         blocks::{BundleOptions, DepartureKind, State},
+        many_effects::{ManyEffects, WIDE},
         problem::{MIN_PRIOR_SIGMA, Problem, RandomEffect},
     },
     start::linear_camera::DISAGREEMENT_P,
@@ -90,12 +91,13 @@ impl VarianceComponents {
         &self,
         problem: &Problem,
         state: &State,
-        factor: &SkylineCholesky,
+        equations: (&Skyline, &SkylineCholesky),
         options: &BundleOptions,
     ) -> Self {
         let mut next = *self;
-        let attitudes = RandomEffects::new(&problem.attitude_errors(state), factor, self.attitude.sigma);
-        let heights = RandomEffects::new(&problem.height_errors(state), factor, self.height.sigma);
+        let (of_attitudes, of_heights) = (problem.attitude_errors(state), problem.height_errors(state));
+        let attitudes = RandomEffects::new(&of_attitudes, equations, self.attitude.sigma);
+        let heights = RandomEffects::new(&of_heights, equations, self.height.sigma);
         next.agreement = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(self.attitude.sigma));
         next.agreement_at_most = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(MAX_ATTITUDE_SIGMA_RAD));
         next.log_evidence = 0.0;
@@ -112,7 +114,8 @@ impl VarianceComponents {
             next.log_evidence += d.log_evidence(&HEIGHT_PRIOR, self.height.sigma);
         }
         for (k, kind) in DepartureKind::ALL.into_iter().enumerate() {
-            let of_kind = RandomEffects::new(&problem.departures(state, kind), factor, self.departures[k].sigma);
+            let departures = problem.departures(state, kind);
+            let of_kind = RandomEffects::new(&departures, equations, self.departures[k].sigma);
             if let Some(d) = &of_kind {
                 next.departures[k].sigma = DEPARTURE_PRIOR.posterior(|s| d.log_likelihood(s));
                 next.log_evidence += d.log_evidence(&DEPARTURE_PRIOR, self.departures[k].sigma);
@@ -130,19 +133,31 @@ impl VarianceComponents {
     }
 }
 
-/// Random effects with a common variance, everything else eliminated: their information Q from the data alone, by its eigenvalues,
-/// and Q times their best values.
-struct RandomEffects {
-    eigenvalues: DVector<f64>,
-    /// Components of Q δ* along the eigenvectors.
-    right: DVector<f64>,
+/// Effects up to which they are treated by eigenvalues; beyond, the cube of their number is more than a factor for each of fifty variances.
+const MAX_DENSE: usize = 100;
+
+/// Random effects with a common variance, everything else eliminated.
+enum RandomEffects<'a> {
+    /// Their information Q from the data alone, by its eigenvalues, and the components of Q δ* (δ*: their best values) along the eigenvectors.
+    Few {
+        eigenvalues: DVector<f64>,
+        right: DVector<f64>,
+    },
+    Many(ManyEffects<'a>),
 }
 
-impl RandomEffects {
-    /// From a solution under a prior of deviation `sigma`.
-    fn new(effects: &[RandomEffect], factor: &SkylineCholesky, sigma: f64) -> Option<Self> {
+impl<'a> RandomEffects<'a> {
+    /// From a solution under a prior of standard deviation `sigma`.
+    fn new(
+        effects: &'a [RandomEffect],
+        (information, factor): (&Skyline, &SkylineCholesky),
+        sigma: f64,
+    ) -> Option<Self> {
         if effects.is_empty() {
             return None;
+        }
+        if effects.len() > MAX_DENSE {
+            return Some(Self::Many(ManyEffects::new(effects, information, sigma)));
         }
         let columns: Vec<usize> = effects.iter().map(|d| d.column).collect();
         let block = factor.inverse_block(&columns);
@@ -155,18 +170,20 @@ impl RandomEffects {
         let (values, vectors) = symmetric_eigen(&((&information + information.transpose()) * 0.5))?;
         // Rounding of what the prior held.
         let least = 1e-9 * prior;
-        Some(Self {
-            right: vectors.tr_mul(&(posterior * mean)),
-            eigenvalues: values.map(|v| if v > least { v } else { 0.0 }),
-        })
+        let eigenvalues = values.map(|v| if v > least { v } else { 0.0 });
+        Some(Self::Few { right: vectors.tr_mul(&(posterior * mean)), eigenvalues })
     }
 
     /// Logarithm of the likelihood of a standard deviation, all else being profiled out.
     fn log_likelihood(&self, sigma: f64) -> f64 {
+        let (eigenvalues, right) = match self {
+            Self::Few { eigenvalues, right } => (eigenvalues, right),
+            Self::Many(effects) => return effects.log_likelihood(sigma),
+        };
         let variance = sigma * sigma;
-        self.eigenvalues
+        eigenvalues
             .iter()
-            .zip(self.right.iter())
+            .zip(right.iter())
             .filter(|(l, _)| **l > 0.0)
             .map(|(l, r)| 0.5 * (variance * r * r / (1.0 + variance * l) - (variance * l).ln_1p()))
             .sum()
@@ -174,8 +191,12 @@ impl RandomEffects {
 
     /// Chi-squared of the effects for a given variance, and its degrees of freedom.
     fn agreement(&self, sigma: f64) -> (f64, usize) {
+        let (eigenvalues, right) = match self {
+            Self::Few { eigenvalues, right } => (eigenvalues, right),
+            Self::Many(effects) => return (effects.chi_squared(sigma), effects.directions(WIDE).round() as usize),
+        };
         // A direction known to no better than 20 degrees says nothing.
-        let seen = self.eigenvalues.iter().zip(self.right.iter()).filter(|(l, _)| **l > 8.0);
+        let seen = eigenvalues.iter().zip(right.iter()).filter(|(l, _)| **l > 8.0);
         seen.fold((0.0, 0), |(sum, count), (l, r)| (sum + r * r / (l * (1.0 + sigma * sigma * l)), count + 1))
     }
 
@@ -185,7 +206,10 @@ impl RandomEffects {
     }
 
     fn attitude_component(&self, scale: f64) -> Component {
-        let seen = self.eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count();
+        let seen = match self {
+            Self::Few { eigenvalues, .. } => eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count(),
+            Self::Many(effects) => effects.directions(scale).round() as usize,
+        };
         let told = || attitude_prior(scale).posterior(|s| self.log_likelihood(s));
         if seen >= MIN_DIRECTIONS {
             return Component { sigma: told(), estimated: true };

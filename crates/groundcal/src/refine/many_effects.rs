@@ -1,0 +1,96 @@
+//! Many random effects with a common variance: their likelihood from the sparse equations of all unknowns, factored once for each variance.
+//!
+//! ```text
+//! A(σ) = A0 + Σ_e c_e c_eᵀ / σ²,   g(σ) = Σ_e s_e v_e (1/σ0² - 1/σ²) c_e
+//! ln L(σ) = ½ gᵀ A⁻¹ g - ½ Σ_e v_e² / σ² - ½ ln |A(σ)| - n ln σ + const
+//! ```
+//!
+//! A0: information of all columns without the prior of the effects; e: an effect of value v_e at the solution under σ0, to which s_e times the step of
+//! column c_e adds. Eigenvalues of what is left when all else is eliminated, which is how few effects are treated, cost the cube of their number; this
+//! grows with it.
+
+use std::{cell::RefCell, collections::BTreeMap};
+
+use nalgebra::DVector;
+
+use crate::{
+    numerics::skyline::Skyline,
+    refine::problem::{MIN_PRIOR_SIGMA, RandomEffect},
+};
+
+/// Step of ln σ for derivatives.
+const STEP: f64 = 0.05;
+/// Standard deviation as good as none: of angles, 20 degrees.
+pub(crate) const WIDE: f64 = 0.354;
+
+/// The effects, and the equations of all unknowns without their prior.
+pub(crate) struct ManyEffects<'a> {
+    effects: &'a [RandomEffect],
+    information: Skyline,
+    in_force: f64,
+    /// What was found for a σ.
+    known: RefCell<BTreeMap<u64, Option<Fit>>>,
+}
+
+/// Half of chi-squared, and ln |A|.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    cost: f64,
+    log_determinant: f64,
+}
+
+impl<'a> ManyEffects<'a> {
+    /// From the information of all columns at a solution under a prior of standard deviation `sigma`.
+    pub(crate) fn new(effects: &'a [RandomEffect], information: &Skyline, sigma: f64) -> Self {
+        let in_force = sigma.max(MIN_PRIOR_SIGMA);
+        let mut without = information.clone();
+        effects.iter().for_each(|e| without.add(e.column, e.column, -1.0 / (in_force * in_force)));
+        Self { effects, information: without, in_force, known: RefCell::default() }
+    }
+
+    fn fit(&self, sigma: f64) -> Option<Fit> {
+        let sigma = sigma.max(MIN_PRIOR_SIGMA);
+        if let Some(fit) = self.known.borrow().get(&sigma.to_bits()) {
+            return *fit;
+        }
+        let fit = self.factored(sigma);
+        self.known.borrow_mut().insert(sigma.to_bits(), fit);
+        fit
+    }
+
+    fn factored(&self, sigma: f64) -> Option<Fit> {
+        let weight = 1.0 / (sigma * sigma);
+        let mut information = self.information.clone();
+        let mut right = DVector::zeros(information.size());
+        let change = 1.0 / (self.in_force * self.in_force) - weight;
+        let mut squares = 0.0;
+        for e in self.effects {
+            information.add(e.column, e.column, weight);
+            right[e.column] += e.sign * e.value * change;
+            squares += e.value * e.value * weight;
+        }
+        let factor = information.cholesky(0.0)?;
+        let cost = 0.5 * (squares - right.dot(&factor.solve(&right)));
+        Some(Fit { cost, log_determinant: factor.log_determinant() })
+    }
+
+    /// Logarithm of the likelihood of a standard deviation, all else being profiled out, but for a constant.
+    pub(crate) fn log_likelihood(&self, sigma: f64) -> f64 {
+        let n = self.effects.len() as f64;
+        let of = |fit: Fit| -fit.cost - 0.5 * fit.log_determinant - n * sigma.max(MIN_PRIOR_SIGMA).ln();
+        self.fit(sigma).map_or(f64::NEG_INFINITY, of)
+    }
+
+    /// How many directions of the effects the data see better than a prior of this standard deviation does.
+    pub(crate) fn directions(&self, sigma: f64) -> f64 {
+        let determinant = |factor: f64| self.fit(sigma * factor).map(|fit| fit.log_determinant);
+        let slope = determinant(STEP.exp()).zip(determinant((-STEP).exp())).map(|(a, b)| (a - b) / (2.0 * STEP));
+        slope.map_or(0.0, |slope| self.effects.len() as f64 + 0.5 * slope)
+    }
+
+    /// Chi-squared of the effects for a given standard deviation.
+    pub(crate) fn chi_squared(&self, sigma: f64) -> f64 {
+        let costs = self.fit(sigma).zip(self.fit(WIDE));
+        costs.map_or(0.0, |(fit, free)| 2.0 * (fit.cost - free.cost)).max(0.0)
+    }
+}
