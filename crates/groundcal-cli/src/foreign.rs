@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use groundcal::{geometry::ImageSize, vision::image::GrayImage};
+use groundcal::{geometry::ImageSize, vision::GrayImage};
 use groundcal_io::{error::IoError, text::shown};
 
 use crate::error::CliError;

@@ -1,5 +1,6 @@
 //! Files for groundcal: images and matches in, cameras of other programs in and out.
 //!
+//! - [`calibrate_folder`]: a folder of photographs to a calibration.
 //! - [`inputs::find_images`], [`images::read_images`]: what the user names, to grey values of one range.
 //! - [`matches::read_matches`], [`matches::read_pairs`]: CSV.
 //! - [`import::read_camera`]: a camera of this program or another, whatever its format.
@@ -12,6 +13,7 @@
 
 #![forbid(unsafe_code)]
 
+mod calibrate_folder;
 pub mod error;
 pub mod export;
 pub mod file;
@@ -27,3 +29,5 @@ pub mod pictures;
 pub mod text;
 pub mod view_files;
 pub mod words;
+
+pub use calibrate_folder::calibrate_folder;

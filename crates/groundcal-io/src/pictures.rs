@@ -15,7 +15,7 @@ use std::{
 
 use groundcal::{
     geometry::ImageSize,
-    vision::resample::{Depth, Raster, Resampled},
+    vision::{Depth, Raster, Resampled},
 };
 use image::{
     ExtendedColorType, ImageEncoder,

@@ -8,7 +8,7 @@ use std::time::Instant;
 use groundcal::{
     calibrate::{Options, Silent, calibrate_matches},
     pairs::ImagePair,
-    synthetic::points::{MotionSpec, PointScene},
+    synthetic::{MotionSpec, PointScene},
 };
 use rand::{RngExt, SeedableRng};
 

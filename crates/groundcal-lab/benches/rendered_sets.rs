@@ -16,7 +16,7 @@ use groundcal::{
     numerics::median,
     result::{Calibration, Parameter},
     start::Constraint,
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},

@@ -16,10 +16,7 @@ use groundcal::{
     select::{HorizonSides, Motion},
     start::{CameraOptions, solve_camera},
     synthetic::{MotionSpec, PointScene},
-    vision::{
-        features::{FeatureOptions, MatchOptions, detect, match_features},
-        patches::{PatchOptions, match_patches, template_grid},
-    },
+    vision::{FeatureOptions, MatchOptions, PatchOptions, detect, match_features, match_patches, template_grid},
 };
 use groundcal_lab::renderer::{
     render::render_view,

@@ -6,10 +6,7 @@ use groundcal::{
     calibrate::{FeatureDensity, Options, Silent, calibrate_images, calibrate_matched_images},
     error::Error,
     pairs::ImagePair,
-    vision::{
-        features::{detect, match_features},
-        patches::{PatchMatch, PatchOptions, match_patches, template_grid},
-    },
+    vision::{PatchMatch, PatchOptions, detect, match_features, match_patches, template_grid},
 };
 use groundcal_lab::renderer::{
     render::render_view,

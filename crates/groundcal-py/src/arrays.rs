@@ -2,7 +2,7 @@
 
 use groundcal::{
     geometry::ImageSize,
-    vision::resample::{Depth, Raster, Resampled},
+    vision::{Depth, Raster, Resampled},
 };
 use groundcal_io::{
     images::{ArrayImage, Pixels},

@@ -8,7 +8,7 @@ use groundcal::{
     geometry::{Frame, Homography, HomographyCovariance, ImageSize, covariance_in_frame},
     pairs::{HomographyEstimate, ImagePair, PointMatch},
     result::{Calibration, Warning},
-    vision::{image::GrayImage, mask::Mask},
+    vision::{GrayImage, Mask},
 };
 use groundcal_io::{
     images::{Arrays, MaskFiles, read_images_until},

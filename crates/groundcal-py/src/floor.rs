@@ -9,7 +9,7 @@ use groundcal::{
     },
     geometry::ImageSize,
     result::{Calibration, Camera},
-    vision::resample::{Depth, Pyramid, Raster, Resampled, resample},
+    vision::{Depth, Pyramid, Raster, Resampled, resample},
 };
 use groundcal_io::{
     inputs::find_images,

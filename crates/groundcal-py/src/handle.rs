@@ -8,7 +8,7 @@ use std::{
 use groundcal::{
     geometry::rotation_cam_from_world,
     result::{Calibration, Camera},
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 use groundcal_io::{
     export::{self, Format},
@@ -120,7 +120,11 @@ impl Handle {
     /// Whether both say the same.
     fn equals(&self, other: &Self) -> bool {
         // What it was made from is not kept in files.
-        let bare = |c: &Calibration| Calibration { evidence: Default::default(), ..c.clone() };
+        let bare = |c: &Calibration| {
+            let mut bare = c.clone();
+            bare.evidence = Default::default();
+            bare
+        };
         Arc::ptr_eq(&self.calibration, &other.calibration) || bare(&self.calibration) == bare(&other.calibration)
     }
 
@@ -207,8 +211,8 @@ fn loaded(path: &Path) -> Result<(Handle, Vec<String>), Failure> {
         "format_version": 1,
         "camera": Camera::new(size, &camera.intrinsics, camera.lens, camera.lens_source),
     });
-    let calibration = of_text(&value.to_string())?;
-    let calibration = Calibration { covariance: camera.covariance.unwrap_or_default(), ..calibration };
+    let mut calibration = of_text(&value.to_string())?;
+    calibration.covariance = camera.covariance.unwrap_or_default();
     Ok((Handle::new(calibration, Vec::new(), Vec::new()), camera.notes))
 }
 

@@ -5,7 +5,7 @@
 use groundcal::{
     calibrate::{Options, Silent, calibrate_images},
     geometry::ImageSize,
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -6,6 +6,13 @@ use crate::{
 };
 
 /// Why there is no calibration. Every variant carries numbers; its text names the cause, its remedies what to do.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Error, ImageSize, Options, Silent, calibrate_matches};
+/// let error = calibrate_matches(&["a".into()], ImageSize::new(640, 480), &[], &Options::default(), &Silent).expect_err("one view");
+/// assert_eq!(error, Error::TooFewImages { found: 1 });
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Error {

@@ -8,6 +8,18 @@ use rayon::prelude::*;
 use crate::{error::Error, result::Warning};
 
 /// A step of the work, for progress displays.
+///
+/// # Examples
+/// ```
+/// use std::sync::Mutex;
+/// use groundcal::{Observer, Stage};
+/// struct Log(Mutex<Vec<Stage>>);
+/// impl Observer for Log {
+///     fn begin(&self, stage: Stage, _total: usize) {
+///         self.0.lock().expect("no panic").push(stage);
+///     }
+/// }
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {
     /// Features of each image.
@@ -23,6 +35,22 @@ pub enum Stage {
 }
 
 /// Hears of the progress and may stop the work; all calls may come from any thread.
+///
+/// # Examples
+/// ```
+/// use std::sync::atomic::{AtomicBool, Ordering};
+/// use groundcal::{Error, ImageSize, GrayImage, Observer, Options, calibrate_images};
+/// struct Interrupt(AtomicBool);
+/// impl Observer for Interrupt {
+///     fn stopped(&self) -> bool {
+///         self.0.load(Ordering::Relaxed)
+///     }
+/// }
+/// let images = vec![GrayImage::filled(ImageSize::new(320, 240), 0.5); 3];
+/// let names: Vec<String> = ["a", "b", "c"].map(String::from).to_vec();
+/// let stopped = calibrate_images(&names, &images, &Options::default(), &Interrupt(AtomicBool::new(true)));
+/// assert_eq!(stopped.err(), Some(Error::Stopped));
+/// ```
 pub trait Observer: Sync {
     /// A stage of `total` items begins.
     fn begin(&self, stage: Stage, total: usize) {
@@ -44,6 +72,12 @@ pub trait Observer: Sync {
 }
 
 /// An observer that does not listen.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Observer, Silent};
+/// assert!(!Silent.stopped());
+/// ```
 pub struct Silent;
 impl Observer for Silent {}
 

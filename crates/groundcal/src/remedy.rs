@@ -7,6 +7,13 @@
 use crate::geometry::constraint::Constraint;
 
 /// Something that helps, or may help.
+///
+/// # Examples
+/// ```
+/// use groundcal::Remedy;
+/// assert_eq!(Remedy::CLEAR_TURN.code(), "turn_camera");
+/// println!("{}", Remedy::CLEAR_TURN);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Remedy {
@@ -274,6 +281,18 @@ pub fn either(names: impl Iterator<Item = String>) -> String {
 }
 
 /// How a front end words what to do: with its options, arguments or buttons.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Remedy, Wording};
+/// struct Buttons;
+/// impl Wording for Buttons {
+///     fn remedy(&self, remedy: &Remedy) -> String {
+///         format!("press [{}]", remedy.code())
+///     }
+/// }
+/// assert!(Buttons.remedy(&Remedy::EstimateLens).contains("estimate_lens"));
+/// ```
 pub trait Wording {
     /// A clause that tells somebody to do it, without a capital or a full stop.
     fn remedy(&self, remedy: &Remedy) -> String {

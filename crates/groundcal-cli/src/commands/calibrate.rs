@@ -8,7 +8,7 @@ use groundcal::{
     geometry::{Camera, ImageSize, Lens},
     result::{Calibration, Warning},
     start::GivenPrior,
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 use groundcal_io::{
     export::{self, Format},

@@ -9,7 +9,7 @@ use groundcal::{
         rectify, sets_of_one_world,
     },
     result::{Calibration, Method},
-    vision::resample::{Pyramid, Raster, Resampled},
+    vision::{Pyramid, Raster, Resampled},
 };
 use groundcal_io::{
     export::floor_picture::{self, FloorPicture},

@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use groundcal::{
     floor::{Fit, Undistortion},
     result::Camera,
-    vision::resample::{Pyramid, Raster, resample},
+    vision::{Pyramid, Raster, resample},
 };
 use groundcal_io::{
     export::undistorted,

@@ -9,7 +9,7 @@ use groundcal::{
     calibrate::{Observer, Options, Silent, calibrate_images, calibrate_matched_images},
     pairs::ImagePair,
     result::{Calibration, Warning},
-    vision::features::{detect, match_features},
+    vision::{detect, match_features},
 };
 use groundcal_io::images::read_images;
 use groundcal_lab::renderer::{

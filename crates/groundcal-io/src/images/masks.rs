@@ -7,7 +7,7 @@ use std::{
     sync::Arc,
 };
 
-use groundcal::vision::{image::GrayImage, mask::Mask};
+use groundcal::vision::{GrayImage, Mask};
 use rayon::prelude::*;
 
 use crate::{

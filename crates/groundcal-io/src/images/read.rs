@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use groundcal::{
     error::Error,
     observer::{Observer, Silent},
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 use rayon::prelude::*;
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use groundcal::{geometry::ImageSize, vision::mask::Mask};
+use groundcal::{geometry::ImageSize, vision::Mask};
 use image::{DynamicImage, metadata::Orientation};
 
 use crate::note::Note;

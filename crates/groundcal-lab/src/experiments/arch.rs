@@ -6,7 +6,7 @@
 //!            points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{numerics::median, vision::image::GrayImage};
+use groundcal::{numerics::median, vision::GrayImage};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use crate::experiments::paths::edge_at;

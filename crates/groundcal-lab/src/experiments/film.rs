@@ -9,10 +9,7 @@ use groundcal::{
     geometry::{ImageSize, View},
     result::Calibration,
     start::Constraint,
-    vision::{
-        image::GrayImage,
-        resample::{Pyramid, Raster, resample},
-    },
+    vision::{GrayImage, Pyramid, Raster, resample},
 };
 use nalgebra::{Vector2, Vector3};
 

@@ -17,10 +17,7 @@ use groundcal::{
         Constraint, RotatingOptions, WeightedPoint, Weighting, calibrate_rotating, intrinsics_of,
         solve_unweighted_with_covariance,
     },
-    vision::{
-        features::{detect, match_features},
-        image::GrayImage,
-    },
+    vision::{GrayImage, detect, match_features},
 };
 use rayon::prelude::*;
 

@@ -20,7 +20,7 @@ use groundcal::{
     pairs::ImagePair,
     result::Calibration,
     start::Constraint,
-    vision::{image::GrayImage, still::still_parts},
+    vision::{GrayImage, still_parts},
 };
 use groundcal_io::{
     images::read_images, import::read_camera, inputs::find_images, matches::read_pairs, names::image_names,

@@ -9,7 +9,7 @@ use groundcal::{
     pairs::ImagePair,
     result::Calibration,
     start::Constraint,
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 use groundcal_io::images::read_image_bytes;
 

@@ -1,6 +1,6 @@
 //! Pictures of a scene: a ray for each of four places in a pixel, the textures' values averaged, exposure, noise, eight bits.
 
-use groundcal::{geometry::ImageSize, vision::image::GrayImage};
+use groundcal::{geometry::ImageSize, vision::GrayImage};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 

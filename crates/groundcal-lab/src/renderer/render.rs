@@ -17,7 +17,7 @@ use crate::renderer::scene::{Scene, SceneError};
 use crate::renderer::texture::{
     FloorTexture, Rgb, SkyTexture, box_reflectance, linear_colour, linear_from_srgb, scaled,
 };
-use groundcal::{geometry::ImageSize, vision::image::GrayImage};
+use groundcal::{geometry::ImageSize, vision::GrayImage};
 
 /// A colour picture of 8 bits per channel, sRGB.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -4,10 +4,7 @@ use base64::{Engine, engine::general_purpose::STANDARD};
 use groundcal::{
     geometry::ImageSize,
     result::Evidence,
-    vision::{
-        image::GrayImage,
-        resample::{Pyramid, Raster, Resampled, resample},
-    },
+    vision::{GrayImage, Pyramid, Raster, Resampled, resample},
 };
 use image::{ExtendedColorType, ImageBuffer, Luma, codecs::jpeg::JpegEncoder, imageops::thumbnail as thumbnail_of};
 use rayon::prelude::*;

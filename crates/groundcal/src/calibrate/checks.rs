@@ -6,12 +6,12 @@ use crate::{
         solved::Solved, stage_options::StageOptions,
     },
     error::Error,
-    geometry::{intrinsics::Intrinsics, lens::Lens, parameters::PriorParameter},
+    geometry::{attitude::PARALLEL_HORIZONS_DEG, intrinsics::Intrinsics, lens::Lens, parameters::PriorParameter},
     ids::{ImageId, PairId, ViewId},
     numerics::statistics::chi_squared_survival,
     pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
     result::{Parameter, PrincipalPointDoubt, Warning},
-    start::linear_camera::{CameraSolution, PriorUse},
+    start::linear_camera::{CameraSolution, PRIOR_DECIDES, PriorUse},
 };
 
 /// Standard deviation of fx, in percent, from which on its interval is only roughly one.
@@ -20,8 +20,6 @@ const LARGE_UNCERTAINTY_PERCENT: f64 = 5.0;
 /// good cameras too.
 const WARNED_PRIORS: [PriorParameter; 4] =
     [PriorParameter::Fx, PriorParameter::Cx, PriorParameter::Cy, PriorParameter::Skew];
-/// Posterior over prior deviation from which on the prior decided.
-const PRIOR_DECIDES: f64 = 0.7;
 /// Standard deviation of the principal point, as a fraction of the width, below which it counts as known.
 const KNOWN_PRINCIPAL_POINT: f64 = 0.01;
 /// Share of the deviation of fx that comes from the lens, and how large that part must be in percent, to be worth a warning.
@@ -33,8 +31,6 @@ const SLIGHT_K1: f64 = 0.05;
 /// lenses shorten by some per cent when they focus near.
 const STATED_TOLERANCE: f64 = 0.1;
 const UNEXPECTED_SIGMAS: f64 = 3.0;
-/// Spread of rolls, degrees, below which horizons count as parallel.
-const PARALLEL_DEG: f64 = 5.0;
 /// Significance level, for all motions together, of an attitude error that the others do not explain.
 const ATTITUDE_ERROR_P: f64 = 0.01;
 /// Pairs of different attitudes whose planes must contradict them to be worth a warning.
@@ -155,7 +151,8 @@ fn alike_attitudes(solved: &Solved, attitudes: &[Attitude], stages: &StageOption
     };
     let rolls = || attitudes.iter().map(|a| a.roll_rad);
     let spread = rolls().flat_map(|a| rolls().map(move |b| apart(a, b))).fold(0.0, f64::max);
-    (spread < PARALLEL_DEG.to_radians()).then_some(Warning::ParallelHorizons { spread_deg: spread.to_degrees() })
+    (spread < PARALLEL_HORIZONS_DEG.to_radians())
+        .then_some(Warning::ParallelHorizons { spread_deg: spread.to_degrees() })
 }
 
 /// Motions that disagree; rotations say it in their own words.

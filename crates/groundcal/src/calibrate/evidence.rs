@@ -6,6 +6,7 @@ use crate::{
     calibrate::{joint::JointSolution, names::Names},
     geometry::frame::Frame,
     ids::ViewId,
+    numerics::statistics::HUBER_SIGMAS,
     pairs::{
         correspondence::PointMatch,
         known_lens::KnownLens,
@@ -13,7 +14,7 @@ use crate::{
         placed_lens::PlacedLens,
     },
     refine::{
-        BundleOptions, Kind,
+        Kind,
         residual::{Pose, Projector},
     },
     result::evidence::{Evidence, MatchEvidence, ObservationEvidence, PairEvidence},
@@ -71,7 +72,7 @@ fn observations(joint: &JointSolution, frame: &Frame) -> Vec<ObservationEvidence
     let b = &joint.bundle;
     let projector = Projector::new(&b.state.cameras[0]);
     let poses: Vec<Pose> = b.state.frames.iter().map(|v| Pose::new(b.scene, &b.state.groups[v.group], v)).collect();
-    let huber = BundleOptions::HUBER;
+    let huber = HUBER_SIGMAS;
     let mut all = Vec::with_capacity(b.counts[0]);
     for (t, track) in joint.tracks.iter().enumerate() {
         let n = track.observations.len() as f64;

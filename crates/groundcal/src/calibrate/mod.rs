@@ -61,10 +61,20 @@ pub use crate::pairs::pair_lens::RadialCorrection;
 pub use options::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options};
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom. What stands still in all of them is set aside
-/// before (see [`crate::vision::still`]); the observer hears of it, and the calibration has it among its warnings.
+/// before (see `still`); the observer hears of it, and the calibration has it among its warnings.
 ///
 /// # Errors
 /// See [`Error`].
+///
+/// # Examples
+/// ```
+/// use groundcal::{GrayImage, ImageSize, Options, Silent, calibrate_images};
+/// // Pictures without texture have no features: the error says so.
+/// let images = vec![GrayImage::filled(ImageSize::new(320, 240), 0.5); 3];
+/// let names: Vec<String> = ["a.jpg", "b.jpg", "c.jpg"].map(String::from).to_vec();
+/// let error = calibrate_images(&names, &images, &Options::default(), &Silent).expect_err("nothing to see");
+/// assert!(!error.remedies().is_empty() || !error.to_string().is_empty());
+/// ```
 pub fn calibrate_images(
     names: &[String],
     images: &[GrayImage],
@@ -102,6 +112,15 @@ fn is_carried_by_patches(calibration: &Calibration) -> bool {
 ///
 /// # Errors
 /// See [`Error`].
+///
+/// # Examples
+/// ```
+/// use groundcal::{Error, GrayImage, ImageSize, Options, Silent, calibrate_matched_images};
+/// // As many names as images are asked for.
+/// let images = vec![GrayImage::filled(ImageSize::new(320, 240), 0.5); 2];
+/// let refused = calibrate_matched_images(&["a.jpg".into()], &images, &[], &Options::default(), &Silent);
+/// assert!(matches!(refused, Err(Error::InvalidInput(_))));
+/// ```
 pub fn calibrate_matched_images(
     names: &[String],
     images: &[GrayImage],
@@ -116,6 +135,17 @@ pub fn calibrate_matched_images(
 ///
 /// # Errors
 /// See [`Error`].
+///
+/// # Examples
+/// ```
+/// use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// let scene = PointScene::nominal(0);
+/// let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// assert!((calibration.camera.fx - 1000.0).abs() < 20.0);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 pub fn calibrate_matches(
     names: &[String],
     size: ImageSize,
@@ -131,6 +161,23 @@ pub fn calibrate_matches(
 ///
 /// # Errors
 /// See [`Error`].
+///
+/// # Examples
+/// ```
+/// use groundcal::{HomographyEstimate, Options, calibrate_homographies, geometry::{Frame, HomographyCovariance}, synthetic::PointScene};
+/// let scene = PointScene::nominal(0);
+/// let frame = Frame::new(scene.size, None);
+/// // 1e-4 in each entry of the unit-norm matrix in frame coordinates.
+/// let covariance = HomographyCovariance::from_diagonal_element(1e-8);
+/// let homographies: Vec<_> = (0..scene.motions.len())
+///     .filter_map(|i| Some((2 * i, 2 * i + 1, HomographyEstimate::from_parts(scene.homography(i)?, covariance, frame, 200))))
+///     .collect();
+/// let names: Vec<String> = (0..2 * homographies.len()).map(|i| format!("view {i}")).collect();
+/// let options = Options { attitude_sigma_deg: Some(0.0), ..Options::default() };
+/// let calibration = calibrate_homographies(&names, scene.size, &homographies, &options)?;
+/// assert!((calibration.camera.fx - scene.intrinsics.fx).abs() < 1.0);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 pub fn calibrate_homographies(
     names: &[String],
     size: ImageSize,
@@ -145,6 +192,23 @@ pub fn calibrate_homographies(
 ///
 /// # Errors
 /// See [`Error`].
+///
+/// # Examples
+/// ```
+/// use groundcal::{ImageSize, Intrinsics, Options, calibrate_circular_points};
+/// use groundcal::nalgebra::{Complex, Rotation3, Vector3};
+/// // K A (1, i, 0) of three attitudes A.
+/// let k = Intrinsics::square(1000.0, 639.5, 479.5).matrix().map(|x| Complex::new(x, 0.0));
+/// let point = |pitch: f64, roll: f64| {
+///     let a = (Rotation3::from_axis_angle(&Vector3::z_axis(), roll) * Rotation3::from_axis_angle(&Vector3::x_axis(), pitch)).into_inner();
+///     k * a.map(|x| Complex::new(x, 0.0)) * Vector3::new(Complex::new(1.0, 0.0), Complex::new(0.0, 1.0), Complex::new(0.0, 0.0))
+/// };
+/// let points: Vec<_> = [(2.2, 0.0), (2.4, 0.6), (2.0, -0.5)].map(|(pitch, roll)| (point(pitch, roll), 1e-4)).to_vec();
+/// let options = Options { attitude_sigma_deg: Some(0.0), ..Options::default() };
+/// let solution = calibrate_circular_points(ImageSize::new(1280, 960), &points, &options)?;
+/// assert!((solution.intrinsics.fx - 1000.0).abs() < 1.0);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 pub fn calibrate_circular_points(
     size: ImageSize,
     points: &[(Vector3<Complex<f64>>, f64)],

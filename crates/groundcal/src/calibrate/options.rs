@@ -22,6 +22,14 @@ use crate::{
 };
 
 /// What is estimated of a lens.
+///
+/// # Examples
+/// ```
+/// use groundcal::{LensModel, Options};
+/// // Ideal pictures, undistorted before: nothing is estimated of the lens.
+/// let options = Options { lens: LensModel::None, ..Options::default() };
+/// assert!(options.lens != LensModel::default());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LensModel {
     /// Nothing: the lens is taken to have no distortion, and the error bars do not cover it.
@@ -39,6 +47,13 @@ pub enum LensModel {
 }
 
 /// How the homographies of [`Method::Kzr`] are fitted to the matches that a robust search finds to be on the plane.
+///
+/// # Examples
+/// ```
+/// use groundcal::{HomographyFit, Method, Options};
+/// let options = Options { method: Method::Kzr, homographies: HomographyFit::Linear, ..Options::default() };
+/// assert_ne!(options.homographies, HomographyFit::default());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum HomographyFit {
     /// Maximum likelihood with errors in both images (H&Z 4.2.5).
@@ -49,6 +64,14 @@ pub enum HomographyFit {
 }
 
 /// What is known of how the camera moved.
+///
+/// # Examples
+/// ```
+/// use groundcal::{MotionModel, Options};
+/// // Pictures of one plane from the hand.
+/// let options = Options { motion: MotionModel::General, ..Options::default() };
+/// assert_eq!(MotionModel::default(), MotionModel::Auto);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum MotionModel {
     /// Nothing: plane-normal motions or a camera turning on the spot, whichever the pictures show. Where nothing checks that an axis was
@@ -66,7 +89,7 @@ pub enum MotionModel {
 /// How many features are looked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureDensity {
-    /// Few ([`FeatureOptions::coarse`]), enough to find the planes that patches are then matched on; all where these do not carry the answer:
+    /// Few (`coarse`), enough to find the planes that patches are then matched on; all where these do not carry the answer:
     /// where there is none, where patches find too little texture, or where images are left over.
     #[default]
     Auto,
@@ -75,6 +98,13 @@ pub enum FeatureDensity {
 }
 
 /// What a calibration may be told. Everything has a default.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Constraint, LensModel, Options};
+/// let options = Options { constraint: Constraint::Square, lens: LensModel::None, seed: 7, ..Options::default() };
+/// assert_eq!(options.priors, Options::default().priors);
+/// ```
 #[derive(Debug, Clone)]
 pub struct Options {
     /// How the camera is estimated.

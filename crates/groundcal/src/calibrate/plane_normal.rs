@@ -7,7 +7,6 @@ use crate::{
         options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
         prior_conflicts::WIDE_LN_ASPECT,
         refinement_input::RefinementOptions,
-        setup::MIN_NOISE_PX,
         solved::{Solved, share_of},
         soundness::{check_field_of_view, refine_until_sound},
         stage_options::StageOptions,
@@ -16,7 +15,9 @@ use crate::{
     geometry::constraint::Constraint,
     ids::PairId,
     observer::Observer,
-    pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
+    pairs::{
+        known_lens::KnownLens, lens_placement::MIN_NOISE_PX, observation::PairObservation, placed_lens::PlacedLens,
+    },
     result::Warning,
     select::{attitude_groups::Motion, selection::Selection},
     start::{

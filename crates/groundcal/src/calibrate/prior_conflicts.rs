@@ -187,7 +187,7 @@ fn same_prior_from(
 
 /// The options with the priors of some numbers wide; `None`: there is nothing to release, or no reason to.
 fn released(refined: &Refined, numbers: &[usize]) -> Option<RefinementOptions> {
-    // What is held has no distance, and an aspect ratio hides in attitudes that stray; the principal point and the lens do not.
+    // What is held has no distance, and an aspect ratio hides in attitude errors; the principal point and the lens do not.
     let hides = matches!(numbers, [ASPECT] | [SKEW]);
     if distance_of(refined, numbers) < SUSPECT_DISTANCE && !hides {
         return None;

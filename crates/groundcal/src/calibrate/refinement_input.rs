@@ -73,7 +73,7 @@ impl Refined {
         self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
     }
 
-    /// Whether the refinement is linear enough for the evidence of alternatives to be foretold: it converged, attitudes do not stray, and the residuals
+    /// Whether the refinement is linear enough for the evidence of alternatives to be foretold: it converged, attitude errors are small, and the residuals
     /// have little in common. (Of 643 alternatives tried there 560 promised nothing, and none of them was better by odds of 1000; elsewhere 29 of 2,000.)
     pub(super) fn is_nearly_linear(&self) -> bool {
         let effects = &self.joint.bundle.design_effects;

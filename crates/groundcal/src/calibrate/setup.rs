@@ -17,6 +17,7 @@ use crate::{
     pairs::{
         correspondence::PointMatch,
         known_lens::KnownLens,
+        lens_placement::MIN_NOISE_PX,
         observation::PairObservation,
         placed_lens::PlacedLens,
         ray_match::RayMatch,
@@ -27,8 +28,6 @@ use crate::{
     start::linear_camera::CameraSolution,
 };
 
-/// Noise no camera is below, in pixels: exact data keep finite weights.
-pub(super) const MIN_NOISE_PX: f64 = 1e-4;
 /// Matches that the common noise of all pairs is worth in the estimate of one pair's.
 const COMMON_NOISE_MATCHES: f64 = 20.0;
 /// Standard deviations from its homography within which a match takes part; the weights of the loss do the rest.

@@ -26,7 +26,7 @@ const MAX_VARIANCE: f64 = 25.0;
 /// order; of those with the lens off by 3 mm to 20 cm, 58 of 80, nearly all of them wrong by more than 4 deviations.)
 const MAX_DIRECTIONS_DESIGN_EFFECT: f64 = 2.6;
 /// Significance level of attitude errors beyond the largest σ_a.
-const DISAGREEMENT_P: f64 = 1e-3;
+const TOO_LARGE_ERRORS_P: f64 = 1e-3;
 /// Widest field of view, degrees across the width, that a flat image can have.
 const MAX_FIELD_OF_VIEW_DEG: f64 = 170.0;
 /// Motions that are dropped one after the other, at most, and as a fraction of all.
@@ -119,7 +119,7 @@ fn unsound(reason: String) -> Error {
 /// Whether the attitude errors are larger than those of a camera that turns about the floor's normal, whatever it is carried by.
 fn attitude_errors_too_large(joint: &JointSolution) -> bool {
     let (chi_squared, directions) = joint.bundle.agreement_at_most;
-    joint.bundle.attitude_sigma.estimated && chi_squared_survival(chi_squared, directions) < DISAGREEMENT_P
+    joint.bundle.attitude_sigma.estimated && chi_squared_survival(chi_squared, directions) < TOO_LARGE_ERRORS_P
 }
 
 /// Refuses a refinement that has not converged, whose residuals are no noise, or whose camera is none.

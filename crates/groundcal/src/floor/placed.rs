@@ -10,6 +10,20 @@ use crate::{
 };
 
 /// Where an image was taken from, over the floor.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// let all = groundcal::placed(&calibration, 1.0)?;
+/// assert_eq!(all[0].image, "view 0");
+/// // A camera stands over its foot.
+/// assert!((all[0].view.centre().xy() - all[0].view.foot()).norm() < 1e-12);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed {
     /// Name of the image.
@@ -25,6 +39,19 @@ pub struct Placed {
 ///
 /// # Errors
 /// [`Error::InvalidInput`] where no view has a floor below it.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// // In units of the first camera's height.
+/// let all = groundcal::placed(&calibration, 1.0)?;
+/// assert_eq!(all.len(), calibration.views.len());
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 pub fn placed(c: &Calibration, scale: f64) -> Result<Vec<Placed>, Error> {
     let (intrinsics, lens) = (c.camera.intrinsics(), c.camera.lens());
     let at = |pitch_deg: f64, roll_deg: f64, yaw_deg: f64, position: [f64; 3]| {

@@ -21,6 +21,21 @@ use crate::{
 const PIXEL_STEP: f64 = 1e-3;
 
 /// A view of a calibration whose floor is seen, with the covariance of its numbers.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// use groundcal::MeasuringView;
+/// let calibration = calibration.with_camera_height(1.5)?;
+/// let view = MeasuringView::of(&calibration, "view 0")?;
+/// let length = view.distance([[600.0, 700.0], [700.0, 700.0]], 0.5).expect("two points of the floor");
+/// assert!(length.value > 0.0 && length.sigma > 0.0);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct MeasuringView {
     view: FloorView,

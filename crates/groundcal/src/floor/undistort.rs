@@ -34,6 +34,17 @@ pub enum Fit {
 }
 
 /// The undistortion of a camera's images.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Camera, ImageSize, Intrinsics, Lens, Undistortion, floor::Fit, nalgebra::Vector2};
+/// let camera = Camera { size: ImageSize::new(640, 480), intrinsics: Intrinsics::square(500.0, 319.5, 239.5), lens: Lens::radial(-0.2, 0.0) };
+/// let undistortion = Undistortion::new(&camera, Fit::Crop)?;
+/// assert!(undistortion.source_pixel(&Vector2::new(0.0, 0.0)).is_some());
+/// let [map_x, map_y] = undistortion.maps();
+/// assert_eq!((map_x.len(), map_y.len()), (640 * 480, 640 * 480));
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Undistortion {
     camera: Camera,

@@ -34,6 +34,21 @@ const BORDER_POINTS: usize = 48;
 const HULL_POINTS: usize = 512;
 
 /// A camera over the floor, ready to map points both ways.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// use groundcal::{FloorView, nalgebra::Vector2};
+/// let view = FloorView::of_report(&calibration.camera, &calibration.views[0])?;
+/// let point = view.floor_from_pixel(&Vector2::new(640.0, 700.0)).expect("below the horizon");
+/// let pixel = view.pixel_from_floor(&point).expect("in front");
+/// assert!((pixel - Vector2::new(640.0, 700.0)).norm() < 1e-6);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct FloorView {
     intrinsics: Intrinsics,
@@ -284,6 +299,14 @@ impl FloorView {
 }
 
 /// A raster on the floor, as on a map: columns along [`FloorGrid::right`], rows a quarter turn clockwise of it seen from above.
+///
+/// # Examples
+/// ```
+/// use groundcal::{FloorGrid, ImageSize, nalgebra::Vector2};
+/// let grid = FloorGrid { top_left: Vector2::new(0.0, 1.0), right: Vector2::x(), unit_per_px: 0.01, size: ImageSize::new(200, 100) };
+/// let point = grid.floor_from_pixel(&Vector2::new(100.0, 50.0));
+/// assert!((point - Vector2::new(1.0, 0.5)).norm() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FloorGrid {
     /// The point of the floor at the centre of the top-left pixel.

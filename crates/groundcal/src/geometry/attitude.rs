@@ -22,6 +22,10 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+/// Spread of rolls, degrees, below which horizons count as parallel: along them the principal point is told by the priors alone. (A tripod
+/// that is set up again differs by a degree or two.)
+pub(crate) const PARALLEL_HORIZONS_DEG: f64 = 5.0;
+
 /// The rotation of camera coordinates from a level world frame whose heading is the camera's own (yaw 0): the `A_g` of
 /// an attitude group. Angles in radians; signs as the module says.
 pub fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {

@@ -22,6 +22,15 @@ use crate::geometry::{
 pub const INTRINSIC_NAMES: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
 
 /// Image size, camera matrix and lens. As JSON: `image_size`, `fx`, `fy`, `cx`, `cy`, `skew`, `distortion`.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Camera, ImageSize, Intrinsics, Lens, nalgebra::{Vector2, Vector3}};
+/// let camera = Camera { size: ImageSize::new(640, 480), intrinsics: Intrinsics::square(500.0, 319.5, 239.5), lens: Lens::radial(-0.1, 0.0) };
+/// let pixel = camera.project(&Vector3::new(0.1, -0.2, 1.0)).expect("in front");
+/// let ray = camera.unproject(&pixel).expect("in the image");
+/// assert!((ray.xy() / ray.z - Vector2::new(0.1, -0.2)).norm() < 1e-9);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "Record", into = "Record")]
 pub struct Camera {

@@ -3,6 +3,13 @@
 use serde::{Deserialize, Serialize};
 
 /// What is assumed of the camera matrix (KZR 1.1).
+///
+/// # Examples
+/// ```
+/// use groundcal::Constraint;
+/// assert_eq!(Constraint::Square.unknowns(), 3);
+/// assert_eq!(Constraint::ALL.map(Constraint::name)[0], "auto");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub enum Constraint {
     /// Zero skew, and priors instead of hard choices for aspect ratio and principal point.

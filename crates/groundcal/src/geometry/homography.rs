@@ -8,6 +8,14 @@ use nalgebra::{Matrix3, SMatrix, Vector2, Vector3};
 use crate::{error::Error, geometry::frame::Frame};
 
 /// An invertible 3x3 matrix of determinant 1 that takes homogeneous points of image a to image b.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Homography, nalgebra::{Matrix3, Vector2}};
+/// let h = Homography::new(Matrix3::new(2.0, 0.0, 5.0, 0.0, 2.0, 1.0, 0.0, 0.0, 1.0))?;
+/// assert!((h.apply(&Vector2::new(1.0, 1.0)).expect("finite") - Vector2::new(7.0, 3.0)).norm() < 1e-12);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Homography(Matrix3<f64>);
 

@@ -12,6 +12,13 @@ use nalgebra::{Matrix3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// The five numbers of the camera matrix, in pixels.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Intrinsics, nalgebra::Vector2};
+/// let k = Intrinsics::square(500.0, 320.0, 240.0);
+/// assert_eq!(k.pixel_from_normalised(&Vector2::new(0.1, 0.2)), Vector2::new(370.0, 340.0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
     /// Focal length along the image's x axis, in pixels.

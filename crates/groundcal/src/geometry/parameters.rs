@@ -6,6 +6,12 @@
 use serde::{Deserialize, Serialize};
 
 /// A number of the camera that is reported with an error bar.
+///
+/// # Examples
+/// ```
+/// use groundcal::Parameter;
+/// assert_eq!((Parameter::Fx.name(), Parameter::K1.is_of_lens()), ("fx", true));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Parameter {
@@ -91,6 +97,12 @@ impl std::fmt::Display for Parameter {
 }
 
 /// A number of the camera that may be given a prior.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Options, Parameter, PriorParameter};
+/// assert_eq!(Parameter::Fy.prior(), PriorParameter::Aspect);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PriorParameter {

@@ -1,6 +1,13 @@
 //! Width and height of an image. Pixel (0, 0) is the **centre** of the top-left pixel.
 
 /// Width and height of an image in pixels.
+///
+/// # Examples
+/// ```
+/// use groundcal::ImageSize;
+/// // Pixel (0, 0) is the centre of the top-left pixel.
+/// assert_eq!(ImageSize::new(640, 480).centre_px(), [319.5, 239.5]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ImageSize {
     /// Number of columns.

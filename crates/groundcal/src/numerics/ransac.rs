@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
-use crate::observer::Observer;
+use crate::{numerics::statistics::CHI_SQUARED_2_99, observer::Observer};
 
 /// What the loop asks of a model.
 pub(crate) trait RobustProblem {
@@ -63,9 +63,8 @@ pub(crate) struct RansacOutput<M> {
     pub trials: usize,
 }
 
-/// The squared residual, in units of the largest noise variance, beyond which a datum is an outlier at every scale: the
-/// 99 % quantile of the chi-squared distribution with two degrees of freedom.
-pub(crate) const OUTLIER_SQUARED: f64 = 9.210_340_371_976_182;
+/// The squared residual, in units of the largest noise variance, beyond which a datum is an outlier at every scale.
+pub(crate) const OUTLIER_SQUARED: f64 = CHI_SQUARED_2_99;
 
 /// Loss and weight of MAGSAC++ for residuals of two degrees of freedom, tabulated.
 ///
@@ -198,7 +197,7 @@ pub(crate) fn search_until<P: RobustProblem>(
     }
     let (mut model, mut cost, _) = best?;
     if !rest.is_empty() {
-        (model, cost) = on_all(problem, options, model, &magsac);
+        (model, cost) = on_all(problem, options, model, magsac);
     }
     let inliers = (0..n).filter(|&i| problem.squared_residual(&model, i) < OUTLIER_SQUARED).collect();
     Some(RansacOutput { model, cost, inliers, trials })

@@ -3,6 +3,16 @@
 /// Upper quantile of the standard normal distribution that makes a two-sided 95 % interval.
 pub const NORMAL_95: f64 = 1.959_963_984_540_054;
 
+/// Of chi-squared with two degrees of freedom the value that 1 % exceed: -2 ln 0.01.
+pub(crate) const CHI_SQUARED_2_99: f64 = 9.210_340_371_976_182;
+/// The same that 0.1 % exceed: -2 ln 0.001.
+pub(crate) const CHI_SQUARED_2_999: f64 = 13.815_510_557_964_274;
+/// Of chi-squared with four degrees of freedom the value that 0.1 % exceed.
+pub(crate) const CHI_SQUARED_4_999: f64 = 18.466_826_952_903_17;
+/// Standard deviations from which on a residual counts less (Huber's loss): 0.27 % of a normal variable's are beyond,
+/// so that good residuals keep their weight, and no outlier pulls harder than a residual of three.
+pub const HUBER_SIGMAS: f64 = 3.0;
+
 /// The chi-squared quantile of two degrees of freedom: the value exceeded with probability `p`.
 pub(crate) fn chi_squared_2_quantile(p: f64) -> f64 {
     -2.0 * p.ln()
@@ -128,6 +138,17 @@ impl VarianceComponent {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn quantiles_have_their_levels() {
+        for (value, dof, level) in
+            [(CHI_SQUARED_2_99, 2, 0.01), (CHI_SQUARED_2_999, 2, 0.001), (CHI_SQUARED_4_999, 4, 0.001)]
+        {
+            assert!((chi_squared_survival(value, dof) / level - 1.0).abs() < 1e-12, "{value}");
+        }
+        assert!((chi_squared_survival(NORMAL_95 * NORMAL_95, 1) / 0.05 - 1.0).abs() < 1e-9);
+        assert!((chi_squared_survival(HUBER_SIGMAS * HUBER_SIGMAS, 1) - 0.0027).abs() < 1e-5);
+    }
 
     #[test]
     fn rank_correlation_of_known_series() {

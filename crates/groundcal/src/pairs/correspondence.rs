@@ -5,6 +5,14 @@ use nalgebra::Vector2;
 use crate::{error::Error, geometry::size::ImageSize, numerics::statistics::median};
 
 /// A point of the plane seen in two images; pixels, (0, 0) the centre of the top-left pixel.
+///
+/// # Examples
+/// ```
+/// use groundcal::PointMatch;
+/// // Twice as uncertain as the others.
+/// let m = PointMatch { sigma_px: 2.0, ..PointMatch::new([10.0, 20.0], [12.0, 19.5]) };
+/// assert_eq!(m.b.y, 19.5);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PointMatch {
     /// Where it is in the first image, in pixels.
@@ -24,6 +32,13 @@ impl PointMatch {
 }
 
 /// The matches of a pair of images.
+///
+/// # Examples
+/// ```
+/// use groundcal::{ImagePair, PointMatch};
+/// let pair = ImagePair { from: 0, to: 1, matches: vec![PointMatch::new([10.0, 20.0], [12.0, 19.5])] };
+/// assert_eq!(pair.matches[0].sigma_px, 1.0);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct ImagePair {
     /// Index of the first image.

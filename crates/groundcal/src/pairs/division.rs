@@ -31,7 +31,7 @@ use crate::{
     pairs::{
         correspondence::PointMatch,
         dlt::direct_linear_transformation,
-        refine::{HomographyEstimate, RefineOptions, to_frame},
+        refine::{HomographyEstimate, RefineOptions, SIGMA_FLOOR_PX, to_frame},
     },
 };
 
@@ -306,9 +306,6 @@ pub struct DivisionEstimate {
     /// One a motion, between ideal points, λ being free in their covariances.
     pub homographies: Vec<HomographyEstimate>,
 }
-
-/// Least noise that a covariance is made with, in pixels.
-const SIGMA_FLOOR_PX: f64 = 0.01;
 
 /// Maximum likelihood of the homographies of one or more motions (matches in pixels, all of them inliers, five or more each) and of
 /// the λ they share, from a start of λ (default: none).

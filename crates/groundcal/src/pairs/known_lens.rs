@@ -12,6 +12,7 @@ use crate::{
         size::ImageSize,
     },
     ids::PairId,
+    numerics::statistics::CHI_SQUARED_2_999,
     observer::Observer,
     pairs::{
         correspondence::{ImagePair, PointMatch},
@@ -35,8 +36,6 @@ const CENTRE_SIGMA: f64 = 0.05;
 /// Pairs and matches of a pair that tell of the lens before the motions are known.
 const MAX_PAIRS: usize = 24;
 const MIN_INLIERS: usize = 40;
-/// Squared distance of (k1, k2) from zero beyond which they are kept: 99.9 % of chi-squared with two degrees of freedom.
-const CHI2_2_999: f64 = 13.8;
 /// Standard deviation of a k2 that is held at zero, but for rounding.
 const HELD_K2_SIGMA: f64 = 1e-6;
 /// Times that homographies and lens are found in turn before motions are chosen.
@@ -111,7 +110,7 @@ impl LensFromPlanes {
         let k = Vector2::new(k1, k2);
         let block = estimate.covariance.fixed_view::<2, 2>(0, 0).into_owned();
         let distance = block.try_inverse().map_or(0.0, |i| (k.transpose() * i * k)[(0, 0)]);
-        Self { estimate, significant: distance > CHI2_2_999 }
+        Self { estimate, significant: distance > CHI_SQUARED_2_999 }
     }
 
     /// The lens to be undone: none where its coefficients are not told from zero.

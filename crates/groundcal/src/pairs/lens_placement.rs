@@ -181,4 +181,4 @@ fn reduced_equations(
 }
 
 /// Noise no camera is below, pixels: exact data keep finite weights.
-const MIN_NOISE_PX: f64 = 1e-4;
+pub(crate) const MIN_NOISE_PX: f64 = 1e-4;

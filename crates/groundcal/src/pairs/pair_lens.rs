@@ -26,6 +26,14 @@ use crate::{
 };
 
 /// How [`Method::Kzr`](crate::result::Method::Kzr) corrects a radial distortion.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Method, Options, RadialCorrection};
+/// // The paper's method with its correction of a radial distortion, each pair by itself.
+/// let options = Options { method: Method::Kzr, radial: RadialCorrection::PerPair, ..Options::default() };
+/// assert_ne!(options.radial, RadialCorrection::None);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum RadialCorrection {
     /// Not at all.

@@ -25,6 +25,16 @@ use crate::{
 };
 
 /// A homography with its covariance.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Homography, HomographyEstimate, ImageSize, geometry::{Frame, HomographyCovariance}, nalgebra::Matrix3};
+/// let frame = Frame::new(ImageSize::new(640, 480), None);
+/// let h = Homography::new(Matrix3::identity())?;
+/// let estimate = HomographyEstimate::from_parts(h, HomographyCovariance::from_diagonal_element(1e-8), frame, 100);
+/// assert_eq!(estimate.covariance[(0, 0)], 1e-8);
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct HomographyEstimate {
     /// Pixels of a to pixels of b.
@@ -140,7 +150,7 @@ impl<M: PlaneMatch> LeastSquares for GoldStandard<'_, M> {
 }
 
 /// Least noise that a covariance is made with, in pixels.
-const SIGMA_FLOOR_PX: f64 = 0.01;
+pub(crate) const SIGMA_FLOOR_PX: f64 = 0.01;
 
 /// Options of [`refine`].
 #[derive(Debug, Clone, Copy)]

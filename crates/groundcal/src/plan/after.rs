@@ -4,7 +4,7 @@ use crate::{
     calibrate::{LensModel, Options},
     error::Error,
     numerics::statistics::median,
-    plan::{MIN_MATCHES, Planner, Start},
+    plan::planner::{MIN_MATCHES, Planner, Start},
     result::{Calibration, MotionReport, Parameter},
     start::linear_camera::GivenPrior,
 };

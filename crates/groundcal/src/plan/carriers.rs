@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::plan::{HEIGHT_SIGMA, Rig};
+use crate::plan::planner::{HEIGHT_SIGMA, Rig};
 
 /// What carries the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

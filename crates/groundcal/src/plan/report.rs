@@ -3,13 +3,14 @@
 use serde::Serialize;
 
 use crate::{
-    plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Prediction, carriers::CarrierMotion},
+    plan::{
+        carriers::CarrierMotion,
+        planner::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Prediction},
+    },
     remedy::Wording,
-    result::{Prior, Warning, WarningReport},
+    result::{Prior, Warning, WarningReport, calibration::ATTITUDE_SIGMA_DEG},
 };
 
-/// Attitude error where nothing is said, degrees: what the calibration takes until the motions tell it.
-pub(crate) const ATTITUDE_SIGMA_DEG: f64 = 0.1;
 /// Strays up to which predictions were held against simulated calibrations (tests/library/plan.rs), with a margin.
 const CHECKED_SIGMA_DEG: f64 = 0.15;
 /// Strays that those simulations had, degrees.
@@ -17,6 +18,7 @@ const SIMULATED_SIGMA_DEG: f64 = 0.1;
 
 /// A plan, what carries the camera, and what the error bars assume.
 #[derive(Debug, Clone, Serialize)]
+#[non_exhaustive]
 pub struct PlanReport {
     /// Version of this format.
     pub format_version: u32,
@@ -36,6 +38,7 @@ pub struct PlanReport {
 
 /// What the error bars assume.
 #[derive(Debug, Clone, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Assumptions {
     /// Width and height.
     pub image_size: [usize; 2],

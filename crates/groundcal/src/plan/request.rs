@@ -5,12 +5,13 @@ use crate::{
     error::Error,
     geometry::{constraint::Constraint, frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
     plan::{
-        PlanOptions, Planner, Start, after,
+        after,
         carriers::{Carrier, CarrierMotion, MAX_TURN_DEG, turns_up_to_deg},
-        report::{ATTITUDE_SIGMA_DEG, PlanReport},
+        planner::{PlanOptions, Planner, Start},
+        report::PlanReport,
     },
     remedy::Wording,
-    result::Calibration,
+    result::{Calibration, calibration::ATTITUDE_SIGMA_DEG},
     start::linear_camera::GivenPrior,
 };
 

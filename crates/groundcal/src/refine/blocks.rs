@@ -22,6 +22,7 @@ use crate::{
         parameters::Parameter,
     },
     numerics::levenberg_marquardt::{LmOptions, StepPolicy},
+    numerics::statistics::HUBER_SIGMAS,
 };
 
 /// Numbers of a camera matrix.
@@ -343,16 +344,16 @@ pub struct BundleOptions {
     /// One a camera.
     pub cameras: Vec<CameraUnknowns>,
     /// σ_a in radians, about each of two axes; `None`: estimated where enough frames tell it, else its scale. Infinite: every frame
-    /// has an attitude and a height of its own ([`State::with_own_attitudes`]).
+    /// has an attitude and a height of its own (`with_own_attitudes`).
     pub attitude_sigma_rad: Option<f64>,
     /// Scale of the half-Cauchy prior of σ_a, radians.
     pub attitude_scale_rad: f64,
     /// σ_h, relative; `None`: estimated.
     pub height_sigma: Option<f64>,
-    /// Frames whose attitudes do not count among those that σ_a is of: outliers, whose errors have the standard deviation [`OUTLIER_ATTITUDE_SIGMA_RAD`].
+    /// Frames whose attitudes do not count among those that σ_a is of: outliers, whose errors have the standard deviation `OUTLIER_ATTITUDE_SIGMA_RAD`.
     pub outlier_frames: Vec<usize>,
     /// Somebody vouches that a camera taken to turn on the spot turns about its lens. Otherwise its covariance allows for a lens off the
-    /// axis by what the residuals leave open ([`crate::refine::LeverArm`]).
+    /// axis by what the residuals leave open (`LeverArm`).
     pub lens_on_axis: bool,
     /// Departures of the frames' pictures that are estimated, each with a deviation of its own.
     pub departures: Vec<DepartureKind>,
@@ -367,9 +368,6 @@ pub struct BundleOptions {
 }
 
 impl BundleOptions {
-    /// Residuals beyond this many standard deviations count less, unless told otherwise.
-    pub(crate) const HUBER: f64 = 3.0;
-
     /// For a model that is only tried against another: neither the last digits nor the shape of the likelihood matter.
     pub(crate) fn for_trial(self) -> Self {
         let lm = LmOptions { max_iterations: 25, ..self.lm };
@@ -391,7 +389,7 @@ impl BundleOptions {
             outlier_frames: Vec::new(),
             lens_on_axis: false,
             departures: Vec::new(),
-            huber: Self::HUBER,
+            huber: HUBER_SIGMAS,
             rounds: 10,
             profile: true,
             lm: LmOptions {

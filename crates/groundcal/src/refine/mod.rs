@@ -5,14 +5,14 @@
 //!          + Σ_f |δ_f|² / σ_a²  +  Σ_f (ln h_f - ln h_g)² / σ_h²  +  Σ_i (p_i - p̄_i)² / σ_i²
 //! ```
 //!
-//! with π of [`residual`], Huber's ρ, Λ the inverse covariance of an observation. σ_a, the attitude error of each frame against
+//! with π of `residual`, Huber's ρ, Λ the inverse covariance of an observation. σ_a, the attitude error of each frame against
 //! that of its group, and σ_h, how far its height does, are variance components: 0 for exact plane-normal motion at constant
 //! height (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood.
 //!
-//! The unknowns are [`blocks`]; the [`layout`] says where each stands. Numbers of the lens that are held until the residuals ask for them
-//! are released by a score test (`release`). The points are eliminated ([`elimination`]); what is left is
-//! sparse ([`crate::numerics::skyline`]). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
+//! The unknowns are `blocks`; the `layout` says where each stands. Numbers of the lens that are held until the residuals ask for them
+//! are released by a score test (`release`). The points are eliminated (`elimination`); what is left is
+//! sparse (`skyline`). [`adjust()`] goes round: minimise, `reweight`, `variance_components`; in the end
 //! `covariance` and `profile`. What an alternative would gain is looked at (`prospect`) before it is tried.
 
 pub(crate) mod adjust;

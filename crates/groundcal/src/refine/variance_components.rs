@@ -13,6 +13,7 @@ use crate::{
         many_effects::{ManyEffects, WIDE},
         problem::{MIN_PRIOR_SIGMA, Problem, RandomEffect},
     },
+    start::linear_camera::DISAGREEMENT_P,
 };
 
 /// A variance component and where it comes from.
@@ -41,8 +42,6 @@ const RELATIVE_TOLERANCE: f64 = 0.05;
 /// Largest σ_a with which motions are about the plane's normal: 2.5 degrees. A tripod has 0.01, a trolley that rocks one or two, a hand three
 /// and more. (Of 740 answers of the bench with less 39 were wrong by more than 4 deviations, of 47 with more 10.)
 pub(crate) const MAX_ATTITUDE_SIGMA_RAD: f64 = 0.0436;
-/// Probability below which the attitudes' disagreement is not put down to chance.
-pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 
 /// By how much the variances grow because the attitudes disagree with a σ_a that was given.
 pub(crate) fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f64 {

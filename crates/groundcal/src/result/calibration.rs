@@ -58,7 +58,23 @@ impl std::fmt::Display for PixelCentre {
 /// A calibrated camera, what it was made from, and what to beware of.
 ///
 /// Read from a file that says less (a camera alone, say), the rest is what `calibrate` takes where it is told nothing, and lists are empty.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// use groundcal::Parameter;
+/// println!("fx = {} +- {:?}", calibration.value(Parameter::Fx), calibration.standard_deviation(Parameter::Fx));
+/// for warning in &calibration.warnings {
+///     println!("[{}] {warning}", warning.code());
+/// }
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Calibration {
     /// Version of this form: it grows with every field or name that is new. [`SCHEMA_VERSION`]; files without it are of version 1.
     #[serde(default = "first_version")]

@@ -11,6 +11,14 @@ use crate::geometry::{
 };
 
 /// How the camera is estimated from the motions.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Method, Options};
+/// // The closed form alone, to compare with.
+/// let options = Options { method: Method::Linear, ..Options::default() };
+/// assert_eq!(Method::default(), Method::Joint);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
@@ -23,7 +31,7 @@ pub enum Method {
     /// Joint refinement of camera, lens, attitudes, views and points, from there.
     #[default]
     Joint,
-    /// All homographies taken for rotations about the optical centre ([`crate::start::rotating_camera`]; Hartley 1994): a pan-tilt camera
+    /// All homographies taken for rotations about the optical centre (`rotating_camera`; Hartley 1994): a pan-tilt camera
     /// on the spot. No floor is needed, no axis is assumed; the constraint `auto` stands for `zero-skew`.
     Rotating,
 }
@@ -171,6 +179,7 @@ pub struct DistortionReport {
 
 /// A Gaussian prior and how much it counted.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Prior {
     /// The parameter.
     pub parameter: PriorParameter,
@@ -188,6 +197,7 @@ pub struct Prior {
 
 /// A prior that the images contradicted, and that was released for it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct PriorConflict {
     /// The parameter.
     pub parameter: PriorParameter,

@@ -6,6 +6,19 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::parameters::Parameter;
 
 /// A covariance matrix with the names of its rows.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// use groundcal::Parameter;
+/// let c = &calibration.covariance;
+/// assert_eq!(c.get(Parameter::Fx, Parameter::Cy), c.get(Parameter::Cy, Parameter::Fx));
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Covariance<P> {
     /// Names of rows and columns, in the order of the enumeration.

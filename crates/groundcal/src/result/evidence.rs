@@ -7,6 +7,7 @@ use crate::pairs::placed_lens::PlacedLens;
 
 /// Everything that was measured and what became of it. Empty where nothing was kept.
 #[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Evidence {
     /// Names of the images; `image` below counts in it.
     pub images: Vec<String>,

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// Agreement of the motions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Fit {
     /// Sum of squared normalised residuals of the conic equations.
     pub chi_squared: f64,
@@ -32,6 +33,7 @@ impl Default for Fit {
 
 /// How the residuals of one kind of measurement are.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ResidualReport {
     /// Points seen in images.
     pub observations: usize,
@@ -45,6 +47,7 @@ pub struct ResidualReport {
 
 /// How the joint refinement went.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Refinement {
     /// Points seen in images, each with two coordinates.
     pub observations: usize,

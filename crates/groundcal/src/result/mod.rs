@@ -5,16 +5,16 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`calibration`] | the value itself; what is asked of it by name |
-//! | [`camera`] | camera matrix, lens, method, scene, priors |
-//! | [`covariance`] | covariances and deviations with the names of their rows |
-//! | [`fit`] | how well it all agrees |
-//! | [`views`] | attitudes and views |
-//! | [`motions`] | pairs of images and what became of them |
-//! | [`diagnosis`] | which motions do not fit the others |
-//! | [`warning`] | doubt, as values |
-//! | [`verdict`], [`judge`] | whether to trust it |
-//! | [`evidence`] | what it was made from, point by point |
+//! | `calibration` | the value itself; what is asked of it by name |
+//! | `camera` | camera matrix, lens, method, scene, priors |
+//! | `covariance` | covariances and deviations with the names of their rows |
+//! | `fit` | how well it all agrees |
+//! | `views` | attitudes and views |
+//! | `motions` | pairs of images and what became of them |
+//! | `diagnosis` | which motions do not fit the others |
+//! | `warning` | doubt, as values |
+//! | `verdict`, `judge` | whether to trust it |
+//! | `evidence` | what it was made from, point by point |
 
 pub(crate) mod calibration;
 pub(crate) mod camera;

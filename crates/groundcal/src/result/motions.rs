@@ -6,6 +6,7 @@ use crate::remedy::{Remedy, Wording, sentence};
 
 /// A pair of images.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct MotionReport {
     /// Name of the first image.
     pub from: String,
@@ -43,8 +44,9 @@ pub struct MotionReport {
     pub diagnosis: Option<MotionDiagnosis>,
 }
 
-/// How a motion that takes part fits the others ([`crate::result::diagnosis`]).
+/// How a motion that takes part fits the others (`diagnosis`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct MotionDiagnosis {
     /// Root mean square residual of its points from the camera of all motions, both images together, in pixels: much more than
     /// [`MotionReport::rms_px`] where the motion does not fit the others. `None`: not refined jointly.
@@ -58,6 +60,7 @@ pub struct MotionDiagnosis {
 /// What is wrong with a motion, if anything is.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "code", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum MotionVerdict {
     /// Nothing to judge it by: it was not refined jointly.
     NotJudged,

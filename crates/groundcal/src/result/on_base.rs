@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// The camera on a robot's base, of the views of one attitude: x forward, y to the left, z up, origin where the odometry has it, on the floor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct CameraOnBase {
     /// Index of the attitude.
     pub attitude: usize,

@@ -12,6 +12,12 @@
 use serde::{Deserialize, Serialize};
 
 /// How far an answer can be trusted; the best first.
+///
+/// # Examples
+/// ```
+/// use groundcal::VerdictLevel;
+/// assert!(VerdictLevel::Trustworthy < VerdictLevel::Unchecked, "the best first");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VerdictLevel {
@@ -39,6 +45,7 @@ impl VerdictLevel {
 
 /// Why an answer is no better than its level.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct VerdictReason {
     /// Stable name: that of a warning, of an error, or one of the verdict's own.
     pub code: String,
@@ -47,7 +54,23 @@ pub struct VerdictReason {
 }
 
 /// Whether to trust an answer.
+///
+/// # Examples
+/// ```
+/// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
+/// # let scene = PointScene::nominal(0);
+/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
+/// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+/// use groundcal::VerdictLevel;
+/// let verdict = calibration.verdict.expect("asked");
+/// if verdict.level > VerdictLevel::Trustworthy {
+///     verdict.reasons.iter().for_each(|r| println!("[{}] {}", r.code, r.message));
+/// }
+/// # Ok::<(), groundcal::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Verdict {
     /// In one word.
     pub level: VerdictLevel,

@@ -62,6 +62,7 @@ impl ViewParameter {
 
 /// The camera's attitude to the floor.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct AttitudeReport {
     /// Angle of the optical axis below the horizontal, in degrees (90: straight down).
     pub pitch_down_deg: f64,
@@ -93,6 +94,7 @@ pub struct AttitudeReport {
 /// points connect it to, Z up, +X along that view's heading, the height of that optical centre being the unit of length (or
 /// [`crate::result::Calibration::camera_height_m`] metres).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct ViewReport {
     /// Name of the image.
     pub image: String,
@@ -135,6 +137,7 @@ pub struct ViewReport {
 /// The homography (X, Y, 1)ᵀ ~ H (x, y, 1)ᵀ from pixels of the image without its lens distortion to points of the floor. The third
 /// coordinate is positive below the horizon; the third row is the horizon.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct FloorHomography {
     /// H, in units of length of the world and pixels.
     pub matrix: [[f64; 3]; 3],

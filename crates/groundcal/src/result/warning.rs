@@ -21,6 +21,13 @@ pub enum PictureDeparture {
 }
 
 /// Doubt about a result.
+///
+/// # Examples
+/// ```
+/// use groundcal::Warning;
+/// let warning = Warning::SingleMotion;
+/// assert_eq!(warning.code(), "single_motion");
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "code", content = "numbers", rename_all = "snake_case")]
 #[non_exhaustive]

@@ -12,7 +12,10 @@ use crate::{
     error::Error,
     geometry::intrinsics::Intrinsics,
     ids::ImageId,
-    numerics::{graph::components, statistics::chi_squared_survival},
+    numerics::{
+        graph::components,
+        statistics::{CHI_SQUARED_4_999, chi_squared_survival},
+    },
     observer::Observer,
     pairs::circular_points::{CircularPoint, MotionGeometry},
     start::absolute_conic::WeightedPoint,
@@ -50,7 +53,7 @@ pub struct AttitudeGroup {
 }
 
 /// Squared distance beyond which two attitudes are different: 99.9 % of chi-squared with four degrees of freedom.
-pub(crate) const DIFFERENT_ATTITUDE: f64 = 18.467;
+pub(crate) const DIFFERENT_ATTITUDE: f64 = CHI_SQUARED_4_999;
 
 /// A circular point in the tangent coordinates of another.
 struct Transferred {

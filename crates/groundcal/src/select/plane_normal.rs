@@ -4,6 +4,7 @@ use crate::{
     error::Error,
     geometry::{frame::Frame, size::ImageSize},
     ids::PairId,
+    numerics::statistics::CHI_SQUARED_2_999,
     observer::Observer,
     pairs::observation::{PairObservation, TurningPlane, why_no_motion},
     remedy::Remedy,
@@ -31,9 +32,6 @@ const SEARCH_K1_SIGMA: f64 = 0.05;
 const SEARCH_DIRECTION_SIGMA: f64 = 0.006;
 /// Fraction of points beyond the horizon from which on a scene is no floor.
 const MINOR_SIDE: f64 = 0.05;
-/// Squared distance beyond which a motion disagrees with the camera of the others: 99.9 % of chi-squared with two degrees
-/// of freedom.
-const CHI2_2_999: f64 = 13.8;
 
 /// Options of [`select_plane_normal`].
 #[derive(Debug, Clone, Copy)]
@@ -140,7 +138,7 @@ fn search(motions: &[Motion], options: &PlaneNormalOptions, observer: &dyn Obser
             direction_sigma: SEARCH_DIRECTION_SIGMA,
             principal_point_sigma: SEARCH_PRINCIPAL_POINT_SIGMA * options.size.width as f64 / options.frame.scale_px,
             aspect: options.aspect,
-            gate: CHI2_2_999,
+            gate: CHI_SQUARED_2_999,
             sequence: options.sequence,
         };
         find_consistent(motions, &consistency, observer)

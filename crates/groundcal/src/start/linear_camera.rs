@@ -23,6 +23,15 @@ use crate::{
 pub use crate::geometry::parameters::PriorParameter;
 
 /// A Gaussian prior: mean and standard deviation in pixels (aspect and those of the lens: no unit).
+///
+/// # Examples
+/// ```
+/// use groundcal::{GivenPrior, Options, PriorParameter};
+/// // From the data sheet: 900 px, to 5 %.
+/// let prior = GivenPrior { parameter: PriorParameter::Fx, mean: 900.0, sigma: 45.0 };
+/// let options = Options { priors: vec![prior], ..Options::default() };
+/// assert_eq!(options.priors.len(), 1);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GivenPrior {
     /// Of what.
@@ -55,6 +64,7 @@ pub struct CameraOptions {
 
 /// A camera matrix and how sure it is.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct CameraSolution {
     /// In pixels.
     pub intrinsics: Intrinsics,
@@ -97,7 +107,9 @@ pub struct PriorUse {
 const MAX_LN_SIGMA: f64 = 0.25;
 /// Standard deviation of the principal point above which it counts as undetermined, in half mean image sides.
 const MAX_PRINCIPAL_POINT_SIGMA: f64 = 0.5;
-/// Probability below which the disagreement of motions is not put down to chance.
+/// Posterior over prior standard deviation from which on the prior decided: above 1/√2 it holds more than half of the information.
+pub(crate) const PRIOR_DECIDES: f64 = 0.7;
+/// Probability below which the disagreement of motions, or of attitude errors, is not put down to chance.
 pub(crate) const DISAGREEMENT_P: f64 = 0.01;
 
 impl CameraOptions {

@@ -8,6 +8,14 @@ use std::sync::Arc;
 use crate::{error::Error, geometry::size::ImageSize, vision::mask::Mask};
 
 /// A grey image, row by row, values nominally in 0..=1. A copy costs nothing until its values are written.
+///
+/// # Examples
+/// ```
+/// use groundcal::{GrayImage, ImageSize};
+/// let ramp = (0..12).map(|i| i as f32 / 12.0).collect();
+/// let image = GrayImage::from_rows(ImageSize::new(4, 3), ramp).expect("as many values as pixels");
+/// assert_eq!(image.get(1, 2), 9.0 / 12.0);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrayImage {
     size: ImageSize,
@@ -45,7 +53,7 @@ impl GrayImage {
     ///
     /// ```
     /// use std::sync::Arc;
-    /// use groundcal::{geometry::ImageSize, vision::{image::GrayImage, mask::Mask}};
+    /// use groundcal::{geometry::ImageSize, vision::{GrayImage, Mask}};
     ///
     /// let size = ImageSize::new(4, 3);
     /// let upper_row = Mask::new(size, &(0..12).map(|i| i < 4).collect::<Vec<_>>()).expect("12 pixels");
@@ -100,7 +108,7 @@ impl GrayImage {
     }
 
     /// One row.
-    pub fn row(&self, y: usize) -> &[f32] {
+    pub(crate) fn row(&self, y: usize) -> &[f32] {
         &self.data[y * self.size.width..(y + 1) * self.size.width]
     }
 

@@ -6,6 +6,18 @@
 use crate::{error::Error, geometry::size::ImageSize};
 
 /// The pixels that are used, and how many of them any square holds.
+///
+/// # Examples
+/// ```
+/// use std::sync::Arc;
+/// use groundcal::{GrayImage, ImageSize, Mask};
+/// // The lower rows show the robot itself.
+/// let size = ImageSize::new(4, 4);
+/// let used: Vec<bool> = (0..16).map(|i| i < 12).collect();
+/// let mask = Mask::new(size, &used).expect("as many values as pixels");
+/// assert_eq!(mask.used(), 0.75);
+/// let image = GrayImage::filled(size, 0.5).masked(Arc::new(mask)).expect("of one size");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mask {
     size: ImageSize,
@@ -48,7 +60,7 @@ impl Mask {
     }
 
     /// Fraction of the pixels that are used in a square of half side `reach` about a place, as far as it lies in the image; 0 where none does.
-    pub fn share(&self, x: f64, y: f64, reach: f64) -> f64 {
+    pub(crate) fn share(&self, x: f64, y: f64, reach: f64) -> f64 {
         // The pixels whose centres lie in it, the nearest one at least; of NaN none.
         let side = |centre: f64, length: usize| {
             let nearest = centre.round();
@@ -69,7 +81,7 @@ impl Mask {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] where their sizes differ.
-    pub fn and(&self, other: &Self) -> Result<Self, Error> {
+    pub(crate) fn and(&self, other: &Self) -> Result<Self, Error> {
         if self.size != other.size {
             return Err(Error::InvalidInput(format!("masks of {} and of {} pixels", self.size, other.size)));
         }

@@ -1,8 +1,15 @@
 //! Grey images, resampling, masks, features, patches.
 
-pub mod features;
-pub mod image;
-pub mod mask;
-pub mod patches;
-pub mod resample;
-pub mod still;
+pub(crate) mod features;
+pub(crate) mod image;
+pub(crate) mod mask;
+pub(crate) mod patches;
+pub(crate) mod resample;
+pub(crate) mod still;
+
+pub use features::{DESCRIPTOR_LENGTH, Feature, FeatureOptions, Features, MatchOptions, detect, match_features};
+pub use image::GrayImage;
+pub use mask::Mask;
+pub use patches::{PatchMatch, PatchOptions, match_patches, template_grid};
+pub use resample::{Depth, Pyramid, Raster, Resampled, resample};
+pub use still::{StillParts, still_parts};

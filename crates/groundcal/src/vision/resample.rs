@@ -16,7 +16,7 @@ const MAX_SAMPLES: usize = 32;
 const ONE_SAMPLE: f64 = 1.25;
 
 /// Most channels of a picture.
-pub const MAX_CHANNELS: usize = 4;
+pub(crate) const MAX_CHANNELS: usize = 4;
 
 /// A kind of number that samples are.
 pub trait Depth: Copy + Default + Send + Sync + PartialEq + std::fmt::Debug {
@@ -90,7 +90,8 @@ impl<T: Depth> Raster<T> {
     }
 
     /// The values of a pixel.
-    pub fn pixel(&self, x: usize, y: usize) -> &[T] {
+    #[cfg(test)]
+    pub(crate) fn pixel(&self, x: usize, y: usize) -> &[T] {
         let at = (y * self.size.width + x) * self.channels;
         &self.data[at..at + self.channels]
     }
@@ -148,7 +149,7 @@ pub struct Pyramid<T = u8> {
 
 /// What a target pixel is.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Sample {
+pub(crate) struct Sample {
     /// Mean of the source over the pixel; as many values as the source has channels count.
     pub value: [f32; MAX_CHANNELS],
     /// How much of the pixel lies inside the source, 0 to 1: the border's edge without steps.
@@ -179,7 +180,7 @@ impl<T: Depth> Pyramid<T> {
 
     /// The target pixel that lies at `source` and whose neighbours to the right and below lie at the columns of `jacobian` from it;
     /// `None` outside the source.
-    pub fn sample(&self, source: &Vector2<f64>, jacobian: &Matrix2<f64>) -> Option<Sample> {
+    pub(crate) fn sample(&self, source: &Vector2<f64>, jacobian: &Matrix2<f64>) -> Option<Sample> {
         let picture = &self.levels[0];
         let size = [picture.size.width as f64, picture.size.height as f64];
         // Along each axis of the source how far inside, in units of the pixel's extent there.
@@ -220,7 +221,7 @@ impl<T: Depth> Pyramid<T> {
 /// Calls `put(x, sample, values)` for each target pixel that the source covers; `target` has `stride` values a pixel.
 ///
 /// `map` gives the source pixel of a target pixel, `None` where there is none.
-pub fn resample_into<T: Send, S: Depth>(
+pub(crate) fn resample_into<T: Send, S: Depth>(
     source: &Pyramid<S>,
     size: ImageSize,
     target: &mut [T],
@@ -269,7 +270,7 @@ impl<T: Depth> Resampled<T> {
     }
 }
 
-/// The source as seen through a map from target to source pixels; see [`resample_into`]. `size` must not be empty.
+/// The source as seen through a map from target to source pixels; see `resample_into`. `size` must not be empty.
 pub fn resample<T: Depth>(
     source: &Pyramid<T>,
     size: ImageSize,
@@ -288,7 +289,7 @@ pub fn resample<T: Depth>(
 }
 
 /// The nearest 8-bit value.
-pub fn rounded(value: f32) -> u8 {
+pub(crate) fn rounded(value: f32) -> u8 {
     // A cast saturates, and what is not a number becomes 0.
     (value + 0.5) as u8
 }

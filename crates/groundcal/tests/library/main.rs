@@ -22,5 +22,6 @@ mod selection;
 mod shared_data;
 mod statistics;
 mod stop;
+mod thresholds;
 mod verdict;
 mod words;

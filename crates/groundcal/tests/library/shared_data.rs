@@ -7,9 +7,7 @@ use groundcal::{
     geometry::{Frame, ImageSize},
     pairs::{PointMatch, RobustHomography, RobustOptions, estimate_robust},
     vision::{
-        features::{FeatureOptions, MatchOptions, detect, match_features},
-        image::GrayImage,
-        patches::{PatchOptions, match_patches, template_grid},
+        FeatureOptions, GrayImage, MatchOptions, PatchOptions, detect, match_features, match_patches, template_grid,
     },
 };
 use nalgebra::{Matrix3, Vector2, Vector3};

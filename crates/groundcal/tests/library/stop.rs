@@ -18,7 +18,7 @@ use groundcal::{
     geometry::ImageSize,
     pairs::ImagePair,
     synthetic::PointScene,
-    vision::image::GrayImage,
+    vision::GrayImage,
 };
 
 /// Says stop at a poll and ever after, and counts what happens.

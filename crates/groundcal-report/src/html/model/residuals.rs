@@ -3,7 +3,10 @@
 //! Means are weighted by 1 / σ², σ being the deviation of each residual; a point's residuals in its two or more images are
 //! parts of one error, so the deviation of a mean is that of independent ones.
 
-use groundcal::result::{Calibration, ObservationEvidence, Refinement};
+use groundcal::{
+    numerics::HUBER_SIGMAS,
+    result::{Calibration, ObservationEvidence, Refinement},
+};
 use serde::Serialize;
 
 /// Residuals, measured less predicted, in pixels.
@@ -113,7 +116,7 @@ fn weighted(o: &ObservationEvidence) -> Option<Weighted<'_>> {
 impl Weighted<'_> {
     /// Less for what is too far off, as in the refinement.
     fn weight(&self) -> f64 {
-        let loss = if self.o.downweighted { 3.0 / self.o.standardised_residual } else { 1.0 };
+        let loss = if self.o.downweighted { HUBER_SIGMAS / self.o.standardised_residual } else { 1.0 };
         loss / (self.sigma_px * self.sigma_px)
     }
 }

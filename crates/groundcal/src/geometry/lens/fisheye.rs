@@ -14,6 +14,15 @@ use crate::geometry::lens::{
 };
 
 /// The equidistant fisheye.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Fisheye, Lens, nalgebra::Vector3};
+/// // Square to the axis: 90 degrees are half a turn of the unit circle from the centre.
+/// let lens = Lens::Fisheye(Fisheye::default());
+/// let point = lens.project(&Vector3::x()).expect("seen");
+/// assert!((point.x - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fisheye {
     polynomial: OddPolynomial<4>,

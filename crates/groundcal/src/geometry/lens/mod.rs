@@ -27,6 +27,16 @@ pub(crate) use projection::MAX_LENS_PARAMETERS;
 pub use radtan::Radtan;
 
 /// A lens.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Lens, nalgebra::Vector2};
+/// let lens = Lens::radial(-0.2, 0.05);
+/// assert_eq!((lens.name(), lens.parameter("k1")), ("radtan", Some(-0.2)));
+/// // A point of the image as an ideal lens would show it, in focal lengths from the principal point.
+/// let ideal = lens.undistort(&Vector2::new(0.3, 0.0)).expect("inside the image");
+/// assert!(ideal.x > 0.3);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub enum Lens {

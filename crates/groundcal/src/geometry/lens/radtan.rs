@@ -24,6 +24,13 @@ const MIN_Z: f64 = 1e-9;
 const MAX_STEPS: usize = 30;
 
 /// Brown-Conrady distortion.
+///
+/// # Examples
+/// ```
+/// use groundcal::{Lens, Radtan};
+/// let lens = Lens::Radtan(Radtan::new([-0.1, 0.0, 0.001, 0.0, 0.0]));
+/// assert_eq!(lens.parameter_names(), ["k1", "k2", "p1", "p2", "k3"]);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Radtan {
     radial: OddPolynomial<3>,
@@ -79,7 +86,7 @@ impl Radtan {
         self.p1 != 0.0 || self.p2 != 0.0
     }
 
-    /// The polynomial at an ideal point, wherever it lies: beyond the fold too. See [`Self::distort`].
+    /// The polynomial at an ideal point, wherever it lies: beyond the fold too. See `distort`.
     pub fn polynomial(&self, p: &Vector2<f64>) -> Vector2<f64> {
         let (x, y) = (p.x, p.y);
         let r2 = x * x + y * y;

@@ -23,7 +23,7 @@ const COARSE_MAX_PX: usize = 1_500_000;
 impl FeatureOptions {
     /// The same of fewer features and pixels, without an upsampled octave: enough to find which pairs see one plane, and where patches are to be
     /// sought. An eighth of the work.
-    pub fn coarse(&self) -> Self {
+    pub(crate) fn coarse(&self) -> Self {
         Self {
             max_features: self.max_features.min(COARSE_MAX_FEATURES),
             upsample_below_px: 0,
