@@ -59,7 +59,7 @@ mod tests {
     fn the_pictures_of_the_example_give_the_camera_of_their_truth() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/head");
         let (c, notes) = calibrate_folder(&folder, &Options::default(), &Silent).unwrap();
-        let truth = crate::import::read_camera(&folder.join("truth.json")).unwrap();
+        let truth = crate::import::read_camera(folder.join("truth.json")).unwrap();
         assert!((c.camera.fx / truth.intrinsics.fx - 1.0).abs() < 0.01, "{}", c.camera.fx);
         assert!(notes.is_empty() && !c.views.is_empty());
     }
