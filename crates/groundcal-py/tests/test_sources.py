@@ -115,7 +115,7 @@ def test_masks(tmp_path: Path, pictures: list[scene.Array], made: groundcal.Cali
     assert [w.code for w in found.warnings].count("still_in_all_images") == 1
     # One motion for five unknowns. The error has what was set aside with it.
     with pytest.raises(groundcal.DegenerateError) as caught:
-        groundcal.calibrate(painted[:3], names=names[:3], pairs=[tuple(names[:2])], constraint="full")
+        groundcal.calibrate(painted[:3], names=names[:3], pairs=[(names[0], names[1])], constraint="full")
     (note,) = caught.value.notes
     assert "stands still in all images" in note
     assert getattr(caught.value, "__notes__", [note]) == [note]

@@ -87,7 +87,7 @@ pub use nalgebra;
 #[doc(inline)]
 pub use crate::{
     calibrate::{
-        HomographyFit, LensModel, MotionModel, Options, RadialCorrection, calibrate_circular_points,
+        FeatureDensity, HomographyFit, LensModel, MotionModel, Options, RadialCorrection, calibrate_circular_points,
         calibrate_homographies, calibrate_images, calibrate_matched_images, calibrate_matches,
     },
     error::Error,

@@ -87,6 +87,14 @@ pub enum MotionModel {
 }
 
 /// How many features are looked for.
+///
+/// ```
+/// use groundcal::{FeatureDensity, Options};
+///
+/// assert_eq!(Options::default().feature_density, FeatureDensity::Auto);
+/// let all_at_once = Options { feature_density: FeatureDensity::Dense, ..Options::default() };
+/// # assert_eq!(all_at_once.features.max_features, 3000);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureDensity {
     /// Few (`coarse`), enough to find the planes that patches are then matched on; all where these do not carry the answer:
