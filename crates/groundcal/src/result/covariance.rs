@@ -35,12 +35,12 @@ impl<P> Default for Covariance<P> {
 }
 
 impl<P: Copy + PartialEq> Covariance<P> {
-    /// From its entries, rows and columns being counted in `parameters`.
+    /// From its entries on and above the diagonal, rows and columns being counted in `parameters`: a covariance is symmetric to the last digit.
     pub fn from_fn(parameters: &[P], entry: impl Fn(usize, usize) -> f64) -> Self {
         let n = parameters.len();
         Self {
             parameters: parameters.to_vec(),
-            matrix: (0..n).map(|r| (0..n).map(|c| entry(r, c)).collect()).collect(),
+            matrix: (0..n).map(|r| (0..n).map(|c| entry(r.min(c), r.max(c))).collect()).collect(),
         }
     }
 
