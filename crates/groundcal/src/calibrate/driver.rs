@@ -206,7 +206,8 @@ fn looked_at_again(
     let mut found = given_lens_through_its_camera(found, stages, observer)?;
     if let (Some(images), Some(patches)) = (images, &stages.patches) {
         let used = found.selection.used();
-        let has_links = found.selection.kind == MotionKind::PlaneNormal;
+        // The joint refinement alone has a use for them.
+        let has_links = found.selection.kind == MotionKind::PlaneNormal && stages.options.method == Method::Joint;
         let links = if has_links { likely_links(&found.pairs, &used) } else { Vec::new() };
         let lens = found.lens.lens();
         found.pairs = match_by_patches(found.pairs, [&used, &links], images, lens, patches, observer)?;

@@ -84,7 +84,7 @@ pub fn calibrate_images(
     let prepared = source::from_images(names, images, options, observer)?;
     let with =
         |features: &FeatureOptions| driver::run(prepared.matched(features, options, observer)?, options, observer);
-    if options.feature_density == FeatureDensity::Dense || !options.match_patches {
+    if options.feature_density == FeatureDensity::Dense || !options.has_patches() {
         return with(&options.features);
     }
     let first = with(&options.features.coarse());

@@ -222,6 +222,11 @@ pub(super) const FISHEYE_SIGMAS: [f64; 4] = [0.1, 0.05, 0.02, 0.01];
 const MAX_COEFFICIENT: f64 = 10.0;
 
 impl Options {
+    /// Whether the floor of motions seen in images is matched again patch by patch: the published method does not.
+    pub(super) fn has_patches(&self) -> bool {
+        self.match_patches && self.method != Method::Kzr
+    }
+
     /// Checks every option once.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! The options of every stage, made once from those of the calibration.
 
 use crate::{
-    calibrate::options::{LensModel, Method, MotionModel, Options},
+    calibrate::options::{LensModel, MotionModel, Options},
     geometry::{frame::Frame, size::ImageSize},
     pairs::{
         known_lens::LensOptions,
@@ -109,7 +109,7 @@ impl<'a> StageOptions<'a> {
                 min_matches,
                 max_sigma_px: if source.has_images { options.robust.max_sigma_px } else { MAX_NOISE_PX },
             },
-            patches: (source.has_images && options.match_patches && options.method != Method::Kzr)
+            patches: (source.has_images && options.has_patches())
                 .then_some(PatchStageOptions { patches: options.patches, observe }),
             camera: options.camera(size),
             rotating: RotatingOptions {
