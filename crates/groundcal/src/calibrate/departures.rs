@@ -33,7 +33,7 @@ pub(super) fn departing(refined: &Refined, kind: DepartureKind) -> Option<Refine
     Some(options)
 }
 
-/// The refinement with a kind of departure, where the tracks ask for it; with it twice the logarithm of the odds.
+/// The refinement with a kind of departure ([`departing`]), where the tracks ask for it; with it twice the logarithm of the odds.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
@@ -41,9 +41,9 @@ pub(super) fn with_departure(
     input: &RefinementInput<'_>,
     refined: &Refined,
     kind: DepartureKind,
+    options: RefinementOptions,
     needed: f64,
 ) -> Result<Option<(f64, Refined)>, Error> {
-    let Some(options) = departing(refined, kind) else { return Ok(None) };
     let better = input.better_with(refined, options, needed)?;
     Ok(better.map(|(gain, mut with)| {
         with.departures.push((kind, gain));

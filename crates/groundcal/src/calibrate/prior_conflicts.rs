@@ -104,7 +104,7 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Op
     // A fisheye has no decentring.
     let releases = RELEASES.into_iter().filter(|numbers| numbers[0] < DECENTRING || refined.fisheye.is_none());
     let departures = DepartureKind::ALL.into_iter().map(Alternative::Departing);
-    let mut promising: Vec<(f64, Alternative)> = Vec::new();
+    let mut promising: Vec<(f64, Alternative, RefinementOptions)> = Vec::new();
     for alternative in releases.map(Alternative::Without).chain(departures) {
         input.observer.go_on()?;
         let options = match alternative {
@@ -116,17 +116,17 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Op
         let asked =
             matches!(alternative, Alternative::Without(numbers) if distance_of(refined, numbers) > MIN_CONFLICT_SIGMAS);
         if asked || prospect > 0.0 || !refined.is_nearly_linear() {
-            promising.push((prospect, alternative));
+            promising.push((prospect, alternative, options));
         }
     }
     promising.sort_by(|a, b| b.0.total_cmp(&a.0));
-    for (prospect, alternative) in promising {
+    for (prospect, alternative, options) in promising {
         if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + DECISIVE_GAIN) {
             break;
         }
         let found = match alternative {
-            Alternative::Without(numbers) => without_prior(input, refined, numbers)?,
-            Alternative::Departing(kind) => with_departure(input, refined, kind, needed)?,
+            Alternative::Without(numbers) => without_prior(input, refined, numbers, options)?,
+            Alternative::Departing(kind) => with_departure(input, refined, kind, options, needed)?,
         };
         offer(&mut best, found);
     }
@@ -144,8 +144,8 @@ fn without_prior(
     input: &RefinementInput<'_>,
     refined: &Refined,
     numbers: &[usize],
+    options: RefinementOptions,
 ) -> Result<Option<(f64, Refined)>, Error> {
-    let Some(options) = released(refined, numbers) else { return Ok(None) };
     let distance = distance_of(refined, numbers);
     let needed = if distance > MIN_CONFLICT_SIGMAS { 0.0 } else { 2.0 * RELEASE_ODDS.ln() };
     let mut starts: Vec<State> = vec![refined.joint.bundle.state.clone()];

@@ -84,7 +84,8 @@ impl Refined {
 
     /// What the evidence would gain by an alternative, to first order; infinite where that is not defined.
     pub(super) fn prospect(&self, options: &RefinementOptions) -> f64 {
-        self.joint.bundle.prospect(&self.joint.tracks, &options.bundle).unwrap_or(f64::INFINITY)
+        let gain = self.joint.bundle.prospect(&self.joint.tracks, &options.bundle);
+        gain.filter(|gain| gain.is_finite()).unwrap_or(f64::INFINITY)
     }
 
     /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, where that is more than
