@@ -97,3 +97,23 @@ fn matches_that_are_there_already_give_the_same_calibration() {
         Err(Error::InvalidInput(text)) if text.contains("(0, 2)")
     ));
 }
+
+#[test]
+fn few_features_lead_to_patches_and_all_are_used_where_there_are_none() {
+    let scene = scene(TextureKind::Terrazzo);
+    let images = [0, 1].map(|i| render_view(&scene, i).expect("a picture").to_gray());
+    let names = ["a.png", "b.png"].map(String::from);
+    let calibrate = |feature_density: FeatureDensity, max_sigma_px: f64| {
+        let mut options = Options { feature_density, ..Options::default() };
+        options.patches.max_sigma_px = max_sigma_px;
+        calibrate_images(&names, &images, &options, &Silent).expect("a calibration")
+    };
+    let usual = Options::default().patches.max_sigma_px;
+    let [few, all] = [FeatureDensity::Auto, FeatureDensity::Dense].map(|density| calibrate(density, usual));
+    assert!(few.motions[0].candidate_matches < all.motions[0].candidate_matches);
+    assert!(few.evidence.pairs[0].matches.iter().any(|m| m.patch));
+    // No texture is enough: the features carry the answer, and it is that of all of them.
+    let [few, all] = [FeatureDensity::Auto, FeatureDensity::Dense].map(|density| calibrate(density, 1e-9));
+    assert!(all.evidence.pairs[0].matches.iter().all(|m| !m.patch));
+    assert!(few == all);
+}

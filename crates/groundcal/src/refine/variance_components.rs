@@ -220,3 +220,46 @@ impl<'a> RandomEffects<'a> {
         Component { sigma, estimated: sigma > scale }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn few_and_many_effects_have_one_likelihood() {
+        // Nine columns that all hang together, three of them effects, one with the other sign.
+        const SIZE: usize = 9;
+        let root = DMatrix::from_fn(14, SIZE, |r, c| ((5 * r * r + 3 * c * c + 7 * r * c + 1) as f64).sin());
+        let data = root.tr_mul(&root) * 400.0;
+        let in_force = 0.05;
+        let effect = |column, sign, value| RandomEffect { column, sign, value };
+        let effects = [effect(1, 1.0, 0.04), effect(4, -1.0, -0.07), effect(7, 1.0, 0.02)];
+        let mut information = Skyline::zeros(vec![0; SIZE]);
+        for r in 0..SIZE {
+            (0..=r).for_each(|c| information.add(r, c, data[(r, c)]));
+        }
+        effects.iter().for_each(|e| information.add(e.column, e.column, 1.0 / (in_force * in_force)));
+        let factor = information.cholesky(0.0).expect("positive definite");
+        let few = RandomEffects::new(&effects, (&information, &factor), in_force).expect("determined");
+        let many = RandomEffects::Many(ManyEffects::new(&effects, &information, in_force));
+        // Both but for a constant.
+        let over = |of: &RandomEffects<'_>, sigma: f64| of.log_likelihood(sigma) - of.log_likelihood(in_force);
+        for sigma in [1e-4, 0.01, 0.03, 0.2, 1.0] {
+            let (a, b) = (over(&few, sigma), over(&many, sigma));
+            assert!((a - b).abs() < 1e-7 * (1.0 + a.abs()), "{sigma}: {a} {b}");
+        }
+        let RandomEffects::Few { eigenvalues, .. } = &few else { panic!("three are few") };
+        let RandomEffects::Many(many) = &many else { panic!("asked for") };
+        for sigma in [0.01, 0.05, WIDE] {
+            let seen: f64 = eigenvalues.iter().map(|l| sigma * sigma * l / (1.0 + sigma * sigma * l)).sum();
+            assert!((many.directions(sigma) - seen).abs() < 1e-3, "{} {seen}", many.directions(sigma));
+        }
+        let (chi_squared, directions) = few.agreement(in_force);
+        assert_eq!(directions, 3);
+        assert!(
+            (many.chi_squared(in_force) / chi_squared - 1.0).abs() < 0.05,
+            "{} {chi_squared}",
+            many.chi_squared(in_force)
+        );
+    }
+}
