@@ -20,8 +20,8 @@ use crate::{
 
 /// Step of ln σ for derivatives.
 const STEP: f64 = 0.05;
-/// Standard deviation as good as none: of angles, 20 degrees.
-pub(crate) const WIDE: f64 = 0.354;
+/// Standard deviation beyond which nothing is known of an effect: of angles, 20 degrees.
+pub(crate) const MAX_KNOWN_SIGMA: f64 = 0.354;
 
 /// The effects, and the equations of all unknowns without their prior.
 pub(crate) struct ManyEffects<'a> {
@@ -90,7 +90,7 @@ impl<'a> ManyEffects<'a> {
 
     /// Chi-squared of the effects for a given standard deviation.
     pub(crate) fn chi_squared(&self, sigma: f64) -> f64 {
-        let costs = self.fit(sigma).zip(self.fit(WIDE));
+        let costs = self.fit(sigma).zip(self.fit(MAX_KNOWN_SIGMA));
         costs.map_or(0.0, |(fit, free)| 2.0 * (fit.cost - free.cost)).max(0.0)
     }
 }

@@ -10,7 +10,7 @@ use crate::{
     },
     refine::{
         blocks::{BundleOptions, DepartureKind, State},
-        many_effects::{ManyEffects, WIDE},
+        many_effects::{MAX_KNOWN_SIGMA, ManyEffects},
         problem::{MIN_PRIOR_SIGMA, Problem, RandomEffect},
     },
     start::linear_camera::DISAGREEMENT_P,
@@ -193,10 +193,12 @@ impl<'a> RandomEffects<'a> {
     fn agreement(&self, sigma: f64) -> (f64, usize) {
         let (eigenvalues, right) = match self {
             Self::Few { eigenvalues, right } => (eigenvalues, right),
-            Self::Many(effects) => return (effects.chi_squared(sigma), effects.directions(WIDE).round() as usize),
+            Self::Many(effects) => {
+                return (effects.chi_squared(sigma), effects.directions(MAX_KNOWN_SIGMA).round() as usize);
+            }
         };
-        // A direction known to no better than 20 degrees says nothing.
-        let seen = eigenvalues.iter().zip(right.iter()).filter(|(l, _)| **l > 8.0);
+        let least = 1.0 / (MAX_KNOWN_SIGMA * MAX_KNOWN_SIGMA);
+        let seen = eigenvalues.iter().zip(right.iter()).filter(|(l, _)| **l > least);
         seen.fold((0.0, 0), |(sum, count), (l, r)| (sum + r * r / (l * (1.0 + sigma * sigma * l)), count + 1))
     }
 
@@ -250,7 +252,7 @@ mod tests {
         }
         let RandomEffects::Few { eigenvalues, .. } = &few else { panic!("three are few") };
         let RandomEffects::Many(many) = &many else { panic!("asked for") };
-        for sigma in [0.01, 0.05, WIDE] {
+        for sigma in [0.01, 0.05, MAX_KNOWN_SIGMA] {
             let seen: f64 = eigenvalues.iter().map(|l| sigma * sigma * l / (1.0 + sigma * sigma * l)).sum();
             assert!((many.directions(sigma) - seen).abs() < 1e-3, "{} {seen}", many.directions(sigma));
         }
