@@ -423,7 +423,7 @@ fn from_inputs(
                 CliError::Usage(format!("{}: give the size of the images with --image-size WxH", shown(&path)))
             })?;
             let choice = match &args.pairs {
-                Some(list) => PairChoice::Listed(list),
+                Some(list) => PairChoice::Listed { list, all_pairs_limit: options.all_pairs_limit },
                 None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
             };
             let table = read_matches(&path, size, choice)?;

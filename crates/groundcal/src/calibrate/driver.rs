@@ -112,8 +112,8 @@ fn reported(
     let Found { pairs, lens, selection, warnings, .. } = found;
     let calibration = assemble(solved, &selection, &pairs, &lens, Names(names), stages, warnings);
     one_account_at_most(&calibration)?;
-    let unordered = images.is_some() && stages.options.pairs.is_none();
-    Ok(if unordered { in_order_of_images(calibration, &pairs) } else { calibration })
+    let first = stages.plane_normal.named.unwrap_or(0);
+    Ok(if images.is_some() { in_order_of_images(calibration, &pairs, first) } else { calibration })
 }
 
 /// The camera of the motions selected first: plane-normal ones, or those of a camera turning on the spot.
@@ -276,7 +276,7 @@ fn select_motions(
     observer.go_on()?;
     let plane_normal_only = stages.options.motion == MotionModel::PlaneNormal;
     let closed_form = matches!(stages.options.method, Method::Linear | Method::Kzr);
-    if stages.plane_normal.named || plane_normal_only || closed_form {
+    if stages.plane_normal.named.is_some() || plane_normal_only || closed_form {
         return plane_normal;
     }
     if let Some(turning) = find_turning(pairs, &stages.rotations)

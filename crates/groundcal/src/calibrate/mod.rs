@@ -89,7 +89,7 @@ pub fn calibrate_images(
     }
     let first = with(&options.features.coarse());
     let suffices =
-        |answer: &Calibration| is_carried_by_patches(answer) && answer.views.len() == prepared.images_compared();
+        |answer: &Calibration| is_carried_by_patches(answer) && answer.views.len() >= prepared.images_expected();
     if matches!(first, Err(Error::Stopped)) || first.as_ref().is_ok_and(suffices) {
         return first;
     }

@@ -328,6 +328,7 @@ fn why_not_used(
                 .to_string()
         }
         Rejection::NoRotation => "not explained by a camera that turns on the spot, as the others are".to_string(),
+        Rejection::NotNamed => "not one of the pairs named: at most a link between views".to_string(),
         Rejection::Redundant => "not needed: pairs of more matches join its images".to_string(),
         Rejection::OtherPlane => "its points are not of the plane that the other pairs show".to_string(),
         Rejection::Unconnected => "no common plane joins its images with the others".to_string(),

@@ -58,6 +58,8 @@ pub(crate) enum Rejection {
     LeftOut,
     /// No rotation under the camera that makes rotations of the others.
     NoRotation,
+    /// It is none of the pairs named as the motions.
+    NotNamed,
     /// Its images are joined by pairs of more matches.
     Redundant,
     /// No plane joins its images with the others.

@@ -12,6 +12,7 @@ mod general_motion;
 mod homographies;
 mod invariance;
 mod lens;
+mod named_pairs;
 mod plan;
 mod prior_conflicts;
 mod published;
