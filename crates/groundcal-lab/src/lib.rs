@@ -13,4 +13,3 @@ pub mod renderer;
 pub mod studies;
 pub mod subsets;
 pub mod tables;
-pub mod transfer;

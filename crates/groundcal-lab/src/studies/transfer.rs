@@ -8,13 +8,12 @@ use crate::studies::{
     figure4::{Condition, groundcal, scene},
     setting::Setting,
 };
-use crate::transfer::calibrate_transferred;
 use groundcal::synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound};
 use groundcal::{
     geometry::Frame,
     numerics::{ComplexPoint, complex_pair_eigen},
     pairs::{HomographyEstimate, RefineOptions, refine},
-    start::{Constraint, intrinsics_of, solve_unweighted},
+    start::{Constraint, calibrate_transferred, intrinsics_of, solve_unweighted},
 };
 
 /// Turn of the motion that is transferred where that of the others is varied, degrees.

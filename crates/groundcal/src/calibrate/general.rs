@@ -120,6 +120,7 @@ pub(super) fn solve_general(
         rotations_rad: Some(rotations(&joint, &input)),
         joint: Some(joint),
         used: input.used,
+        links: Vec::new(),
         selection: Some(selection),
         amplification: None,
         warnings,

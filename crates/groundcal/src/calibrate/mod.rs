@@ -32,6 +32,7 @@ mod solved;
 mod soundness;
 mod source;
 mod stage_options;
+mod transferred;
 mod turning;
 mod views;
 

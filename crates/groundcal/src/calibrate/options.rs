@@ -228,9 +228,11 @@ impl Options {
         self.match_patches && self.method != Method::Kzr
     }
 
-    /// Whether pairs beside those named have a use: the joint refinement of plane-normal motions alone links views by them.
+    /// Whether pairs beside those named have a use: the joint refinement of plane-normal motions links views by them, and a motion is
+    /// transferred by them.
     pub(super) fn has_links_beside_named_pairs(&self) -> bool {
-        self.method == Method::Joint && matches!(self.motion, MotionModel::Auto | MotionModel::PlaneNormal)
+        matches!(self.method, Method::Joint | Method::Transferred)
+            && matches!(self.motion, MotionModel::Auto | MotionModel::PlaneNormal)
     }
 
     /// Checks every option once.

@@ -47,8 +47,8 @@ pub(super) enum Starts {
 /// Matches that link views of different attitudes, how far their homography may be from one of the floor (radians and relative
 /// lengths), how many links a view has at most, and by how much they may raise the variance of the residuals of patches and of
 /// points.
-const MIN_LINK_MATCHES: usize = 20;
-const MAX_LINK_MISFIT: f64 = 0.03;
+pub(super) const MIN_LINK_MATCHES: usize = 20;
+pub(super) const MAX_LINK_MISFIT: f64 = 0.03;
 const LINKS_PER_VIEW: usize = 2;
 const MAX_LINK_VARIANCE: f64 = 1.3;
 const MAX_LINK_POINT_VARIANCE: f64 = 3.0;

@@ -64,6 +64,14 @@ pub(super) struct SourceTraits {
 }
 
 impl<'a> StageOptions<'a> {
+    /// The constraint in force where there are no priors: `auto` stands for zero skew.
+    pub(super) fn constraint_without_priors(&self) -> Constraint {
+        match self.options.constraint {
+            Constraint::Auto => Constraint::ZeroSkew,
+            other => other,
+        }
+    }
+
     pub(super) fn new(options: &'a Options, source: &SourceTraits) -> Self {
         let size = source.size;
         let frame = options.frame(size);

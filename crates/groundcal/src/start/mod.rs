@@ -7,6 +7,7 @@ pub(crate) mod given_lens;
 pub(crate) mod lens_uncertainty;
 pub(crate) mod linear_camera;
 pub(crate) mod rotating_camera;
+pub(crate) mod transferred;
 pub(crate) mod unweighted_camera;
 
 pub use absolute_conic::{
@@ -16,4 +17,5 @@ pub use linear_camera::{
     CameraOptions, CameraSolution, GivenPrior, PriorParameter, PriorUse, solve_camera, what_is_uncertain,
 };
 pub use rotating_camera::{RotatingOptions, RotatingSolution, Rotation, Weighting, calibrate_rotating};
+pub use transferred::calibrate_transferred;
 pub use unweighted_camera::solve_unweighted_with_covariance;

@@ -97,3 +97,39 @@ fn closed_forms_have_no_use_for_other_pairs() {
         Err(error) => assert!(error.is_degenerate(), "{error}"),
     }
 }
+
+/// The linear version: one motion, its circular point carried into the views joined to it. Its deviations are those of its errors.
+#[test]
+fn one_motion_is_transferred_into_other_views() {
+    let options = |pairs| Options { pairs: Some(pairs), method: Method::Transferred, ..Options::default() };
+    let trials = 40;
+    let mut squares = 0.0;
+    for seed in 0..trials {
+        let pairs = matches(100 + seed);
+        let c = calibrated(&pairs, &options(vec![(0, 1)])).expect("a camera");
+        let sigma = c.standard_deviation.fx.expect("estimated");
+        squares += ((c.camera.fx - FOCAL_PX) / sigma).powi(2) / trials as f64;
+        assert!(sigma < 0.02 * FOCAL_PX, "{sigma}");
+        assert_eq!((c.method, c.motions.iter().filter(|m| m.used).count()), (Method::Transferred, 1));
+        // A view that shares hardly any point with the motion's is not joined.
+        let joined = c.motions.iter().filter(|m| m.cross_attitude_link).count();
+        assert!((VIEWS.len() - 3..=VIEWS.len() - 2).contains(&joined), "{joined}");
+        let kinds: Vec<_> = c.verdict.iter().flat_map(|v| &v.reasons).map(|r| r.code.as_str()).collect();
+        assert!(kinds.contains(&"not_refined"), "{kinds:?}");
+    }
+    println!("rms of errors over deviations {:.2}", squares.sqrt());
+    // An axis as far off the normal as the deviations allow for is not in these scenes.
+    assert!(squares.sqrt() < 1.3, "{squares}");
+    // A pair that is no turn about the normal: its circular point in the other views is none of theirs.
+    let wrong = calibrated(&matches(7), &options(vec![(2, 3)]));
+    match wrong {
+        Ok(c) => {
+            let sigma = c.standard_deviation.fx.expect("estimated");
+            assert!((c.camera.fx - FOCAL_PX).abs() < 4.0 * sigma, "{} +- {sigma}", c.camera.fx);
+        }
+        Err(error) => println!("{error}"),
+    }
+    // And none at all without views of other attitudes.
+    let alone: Vec<ImagePair> = matches(0).into_iter().filter(|p| (p.from, p.to) == (0, 1)).collect();
+    assert!(matches!(calibrated(&alone, &options(vec![(0, 1)])), Err(Error::TooFewAttitudes { .. })));
+}
