@@ -27,6 +27,7 @@ mod published;
 mod refinement;
 mod refinement_input;
 mod rotating;
+mod row_turn;
 mod setup;
 mod solved;
 mod soundness;

@@ -168,6 +168,7 @@ pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
         Warning::SingleMotion
         | Warning::SingleAttitude { .. }
         | Warning::PriorDecides { .. }
+        | Warning::AssumptionOpen { .. }
         | Warning::DistortionUncertain { .. }
         | Warning::LargeUncertainty { .. } => Some(VerdictLevel::Usable),
         // As often on right answers as on wrong ones, or no doubt about the camera.

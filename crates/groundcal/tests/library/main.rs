@@ -4,10 +4,12 @@
 
 mod copies;
 mod degenerate_heads;
+mod departures;
 mod exact;
 mod fisheye;
 mod floor;
 mod floor_points;
+mod floor_views;
 mod general_motion;
 mod homographies;
 mod invariance;

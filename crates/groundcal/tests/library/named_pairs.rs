@@ -1,57 +1,20 @@
 //! Pairs named as the motions: no other pair is one, and what other pairs show of the same floor is used all the same.
 
-use groundcal::{
-    Calibration, Error, ImagePair, ImageSize, Method, MotionModel, Options, PointMatch, Silent, calibrate_matches,
-};
-use nalgebra::{Rotation3, Vector2, Vector3};
-use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64Mcg;
+use groundcal::{Calibration, Error, ImagePair, Method, MotionModel, Options, Silent, calibrate_matches};
 
-const SIZE: ImageSize = ImageSize { width: 1024, height: 768 };
-const FOCAL_PX: f64 = 900.0;
-const NOISE_PX: f64 = 0.2;
+use crate::floor_views::{self, FOCAL_PX, FloorView, SIZE, Taken, view};
 
-/// Pitch down, roll and yaw in degrees, and place, of each view over a floor one unit below: the first two turn about its normal, the
-/// others look otherwise.
-const VIEWS: [([f64; 3], [f64; 2]); 5] = [
-    ([40.0, 5.0, 0.0], [0.0, 0.0]),
-    ([40.0, 5.0, 40.0], [0.3, -0.2]),
-    ([58.0, 25.0, 10.0], [0.2, 0.3]),
-    ([50.0, -30.0, 70.0], [-0.2, 0.6]),
-    ([65.0, 60.0, -20.0], [0.4, 0.1]),
+/// The first two turn about the floor's normal, the others look otherwise.
+const VIEWS: [FloorView; 5] = [
+    view([40.0, 5.0, 0.0], [0.0, 0.0]),
+    view([40.0, 5.0, 40.0], [0.3, -0.2]),
+    view([58.0, 25.0, 10.0], [0.2, 0.3]),
+    view([50.0, -30.0, 70.0], [-0.2, 0.6]),
+    view([65.0, 60.0, -20.0], [0.4, 0.1]),
 ];
 
-/// A pixel of a floor point; `None`: outside of the image.
-fn project(floor: [f64; 2], ([pitch, roll, yaw], place): ([f64; 3], [f64; 2])) -> Option<Vector2<f64>> {
-    let about = |axis, degrees: f64| Rotation3::from_axis_angle(&axis, degrees.to_radians());
-    // Of the level camera x is right, y down, z ahead; of the world z is up.
-    let at = Vector3::new(floor[0] - place[0], floor[1] - place[1], -1.0);
-    let level = about(Vector3::z_axis(), -yaw) * at;
-    let level = Vector3::new(level.x, -level.z, level.y);
-    let p = about(Vector3::z_axis(), roll) * (about(Vector3::x_axis(), pitch) * level);
-    let pixel = Vector2::new(FOCAL_PX * p.x / p.z + 511.5, FOCAL_PX * p.y / p.z + 383.5);
-    let inside = p.z > 0.0 && (0.0..=1023.0).contains(&pixel.x) && (0.0..=767.0).contains(&pixel.y);
-    inside.then_some(pixel)
-}
-
-/// Matches of all pairs of views; a point has one place in a view.
 fn matches(seed: u64) -> Vec<ImagePair> {
-    let mut rng = Pcg64Mcg::seed_from_u64(seed);
-    let mut seen: Vec<[Option<Vector2<f64>>; VIEWS.len()]> = Vec::new();
-    for _ in 0..600 {
-        let floor = [rng.random_range(-2.0..2.0), rng.random_range(-1.0..3.0)];
-        let mut noise = || NOISE_PX * <StandardNormal as Distribution<f64>>::sample(&StandardNormal, &mut rng);
-        seen.push(VIEWS.map(|view| project(floor, view).map(|p| p + Vector2::new(noise(), noise()))));
-    }
-    let mut pairs = Vec::new();
-    for from in 0..VIEWS.len() {
-        for to in from + 1..VIEWS.len() {
-            let both = seen.iter().filter_map(|s| Some(PointMatch::new(s[from]?.into(), s[to]?.into())));
-            pairs.push(ImagePair { from, to, matches: both.map(|m| PointMatch { sigma_px: NOISE_PX, ..m }).collect() });
-        }
-    }
-    pairs
+    floor_views::matches(&VIEWS, Taken { aspect: 1.0, row_turn_deg: 0.0 }, seed)
 }
 
 fn calibrated(pairs: &[ImagePair], options: &Options) -> Result<Calibration, Error> {
