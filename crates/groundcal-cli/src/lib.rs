@@ -54,6 +54,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         of.command_line = command_line(&args);
     }
     terminal::set_quiet(cli.terminal.quiet);
+    terminal::set_progress(cli.terminal.progress);
     let json = cli.command.prints_json();
     let color = cli.terminal.color;
     match dispatch(cli.command, cli.terminal) {

@@ -73,6 +73,11 @@ pub(crate) fn note(text: &str) {
     remark(&format!("note: {text}"));
 }
 
+/// A line of progress to standard error; where nobody reads it, nobody misses it.
+pub(crate) fn progress_line(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
 /// Ends the work here where a signal asks for it.
 pub(crate) fn go_on() -> Result<(), CliError> {
     interrupt::requested().map_or(Ok(()), |code| Err(CliError::Stopped(code)))

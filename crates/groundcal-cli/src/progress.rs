@@ -1,4 +1,4 @@
-//! Progress on a terminal's standard error, and the time each stage took.
+//! Progress on standard error, as a bar or in lines, and the time each stage took.
 
 use std::{
     sync::Mutex,
@@ -15,11 +15,16 @@ use crate::{
     error::{CliError, Remark},
     interrupt, output,
     remedies::Flags,
-    terminal,
+    terminal::{self, ProgressArg},
 };
 
 /// Work shorter than this shows no bar.
 const DISPLAY_DELAY: Duration = Duration::from_secs(1);
+/// Stages shorter than this have no line, and lines are no closer than this.
+const LINE_INTERVAL: Duration = Duration::from_secs(2);
+/// A bar of a stage with steps to count, and of one without.
+const COUNTED: &str = "{msg:24} [{bar:40}] {pos}/{len}, {eta} left";
+const UNCOUNTED: &str = "{msg:24} {spinner} {elapsed}";
 
 /// Listens to a calibration: a bar for the stage at work, the times of all, and what was noted on the way.
 pub(crate) struct StageTimes {
@@ -28,7 +33,12 @@ pub(crate) struct StageTimes {
 }
 
 struct State {
+    how: ProgressArg,
     bar: ProgressBar,
+    /// Steps of the stage at work, done and in all.
+    steps: (usize, usize),
+    /// When the last line was written.
+    last_line: Option<Instant>,
     stages: Vec<(&'static str, Instant)>,
     /// Remarks on files, which are told at once.
     noted: Vec<Remark>,
@@ -40,14 +50,10 @@ impl StageTimes {
     /// Begins with the reading of the input.
     pub(crate) fn new(first: &'static str) -> Self {
         let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
-        if let Ok(style) = ProgressStyle::with_template("{msg:24} [{bar:40}] {pos}/{len}") {
-            bar.set_style(style.progress_chars("=> "));
-        }
         let now = Instant::now();
-        Self {
-            started: now,
-            state: Mutex::new(State { bar, stages: vec![(first, now)], noted: Vec::new(), noticed: Vec::new() }),
-        }
+        let (how, steps, last_line) = (terminal::progress(), (0, 0), None);
+        let (stages, noted, noticed) = (vec![(first, now)], Vec::new(), Vec::new());
+        Self { started: now, state: Mutex::new(State { how, bar, steps, last_line, stages, noted, noticed }) }
     }
 
     fn with<T>(&self, action: impl FnOnce(&mut State) -> T) -> T {
@@ -94,12 +100,46 @@ impl StageTimes {
     }
 }
 
+impl State {
+    /// Shows how far the stage at work is, where it is time to.
+    fn show(&mut self, started: Instant) {
+        match self.how {
+            ProgressArg::Bar if self.bar.is_hidden() && started.elapsed() > DISPLAY_DELAY => {
+                self.bar.set_draw_target(ProgressDrawTarget::stderr());
+                self.bar.tick();
+            }
+            ProgressArg::Plain => {
+                let Some((label, begun)) = self.stages.last() else { return };
+                let since = self.last_line.filter(|line| line > begun).unwrap_or(*begun);
+                if since.elapsed() >= LINE_INTERVAL {
+                    self.last_line = Some(Instant::now());
+                    output::progress_line(&line(label, begun.elapsed(), self.steps));
+                }
+            }
+            _ => {}
+        }
+    }
+}
+
+/// How far a stage is that has taken some time for some of its steps.
+fn line(label: &str, taken: Duration, (done, all): (usize, usize)) -> String {
+    let seconds = taken.as_secs_f64();
+    if all > 1 && done > 0 {
+        let left = seconds * (all.saturating_sub(done)) as f64 / done as f64;
+        format!("{label}: {done} of {all}, about {left:.0} s left")
+    } else {
+        format!("{label}: {seconds:.0} s")
+    }
+}
+
 fn label(stage: Stage) -> &'static str {
     match stage {
         Stage::Features => "detecting features",
+        Stage::Candidates => "comparing images",
         Stage::Matching => "matching pairs",
         Stage::Homographies => "fitting planes",
         Stage::Patches => "matching patches",
+        Stage::Selection => "selecting motions",
         Stage::Camera => "solving the camera",
     }
 }
@@ -108,18 +148,23 @@ impl Observer for StageTimes {
     fn begin(&self, stage: Stage, total: usize) {
         self.with(|state| {
             state.stages.push((label(stage), Instant::now()));
+            state.steps = (0, total);
+            if let Ok(style) = ProgressStyle::with_template(if total > 1 { COUNTED } else { UNCOUNTED }) {
+                state.bar.set_style(style.progress_chars("=> "));
+            }
             state.bar.set_length(total as u64);
             state.bar.set_position(0);
+            state.bar.reset_elapsed();
+            state.bar.reset_eta();
             state.bar.set_message(label(stage));
+            state.show(self.started);
         });
     }
 
     fn advance(&self, _: Stage) {
         self.with(|state| {
-            if state.bar.is_hidden() && !terminal::is_quiet() && self.started.elapsed() > DISPLAY_DELAY {
-                // Draws nothing where standard error is not a terminal.
-                state.bar.set_draw_target(ProgressDrawTarget::stderr());
-            }
+            state.steps.0 += 1;
+            state.show(self.started);
             state.bar.inc(1);
         });
     }
@@ -129,6 +174,13 @@ impl Observer for StageTimes {
     }
 
     fn stopped(&self) -> bool {
+        // Asked in every loop of the work: a stage without steps to count is seen to go on. Who shows progress already need not wait.
+        if let Ok(mut state) = self.state.try_lock() {
+            state.show(self.started);
+            if !state.bar.is_hidden() && state.steps.1 <= 1 {
+                state.bar.tick();
+            }
+        }
         interrupt::requested().is_some()
     }
 }
@@ -139,7 +191,9 @@ pub(crate) struct Bar(ProgressBar);
 impl Bar {
     /// A bar that looks as the template says.
     pub(crate) fn new(template: &str) -> Self {
-        let target = if terminal::is_quiet() { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        // Draws nothing where standard error is not a terminal.
+        let shown = terminal::progress() == ProgressArg::Bar;
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(0), target);
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style.progress_chars("=> "));

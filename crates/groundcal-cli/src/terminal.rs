@@ -2,7 +2,7 @@
 
 use std::{
     io::IsTerminal,
-    sync::atomic::{AtomicBool, Ordering},
+    sync::atomic::{AtomicBool, AtomicU8, Ordering},
 };
 
 use clap::{Args, ColorChoice, ValueEnum};
@@ -19,9 +19,49 @@ pub(crate) struct TerminalArgs {
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = ColorArg::Auto, global = true, hide_possible_values = true)]
     pub(crate) color: ColorArg,
 
+    /// How progress is shown on standard error: `auto` has a bar on a terminal and lines elsewhere, for what takes longer than seconds
+    #[arg(long, value_enum, value_name = "HOW", default_value_t = ProgressArg::Auto, global = true, hide_possible_values = true)]
+    pub(crate) progress: ProgressArg,
+
     /// Print nothing but errors, and what --json asks for
     #[arg(long, short, global = true)]
     pub(crate) quiet: bool,
+}
+
+/// `--progress`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressArg {
+    /// A bar on a terminal, lines elsewhere
+    Auto,
+    /// A bar
+    Bar,
+    /// Lines
+    Plain,
+    /// None
+    None,
+}
+
+/// How progress is shown; one for the process, as standard error is.
+static PROGRESS: AtomicU8 = AtomicU8::new(ProgressArg::Auto as u8);
+
+/// Shows progress so from here on.
+pub(crate) fn set_progress(how: ProgressArg) {
+    PROGRESS.store(how as u8, Ordering::Relaxed);
+}
+
+/// How progress is shown here and now: never [`ProgressArg::Auto`].
+pub(crate) fn progress() -> ProgressArg {
+    let asked = PROGRESS.load(Ordering::Relaxed);
+    let of = |how: ProgressArg| how as u8 == asked;
+    if is_quiet() || of(ProgressArg::None) {
+        ProgressArg::None
+    } else if of(ProgressArg::Plain) {
+        ProgressArg::Plain
+    } else if of(ProgressArg::Bar) || std::io::stderr().is_terminal() {
+        ProgressArg::Bar
+    } else {
+        ProgressArg::Plain
+    }
 }
 
 /// `--color`.

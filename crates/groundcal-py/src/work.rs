@@ -59,9 +59,11 @@ impl Watch {
 fn name(stage: Stage) -> &'static str {
     match stage {
         Stage::Features => "features",
+        Stage::Candidates => "candidates",
         Stage::Matching => "matching",
         Stage::Homographies => "homographies",
         Stage::Patches => "patches",
+        Stage::Selection => "selection",
         Stage::Camera => "camera",
     }
 }

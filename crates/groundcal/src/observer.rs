@@ -24,13 +24,17 @@ use crate::{error::Error, result::Warning};
 pub enum Stage {
     /// Features of each image.
     Features,
+    /// Which pairs of many images look alike.
+    Candidates,
     /// Matches of each pair.
     Matching,
     /// Homography of each pair.
     Homographies,
     /// Least squares matching of the floor of each motion.
     Patches,
-    /// Consistent motions and camera.
+    /// The pairs that one camera explains as motions.
+    Selection,
+    /// The camera.
     Camera,
 }
 

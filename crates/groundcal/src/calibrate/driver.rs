@@ -78,7 +78,9 @@ pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer
     let images = source.images.as_deref();
     let mut warnings = source.warnings;
     warnings.extend(copies_counted_once(&mut pairs, source.names, images));
+    observer.begin(Stage::Selection, 1);
     let selected = select_motions(&pairs, &lens, &stages, observer);
+    observer.advance(Stage::Selection);
     // A camera that turned on the spot before no floor has no plane to be seen in general motion.
     let turning = selected.as_ref().is_ok_and(is_turning);
     let again = (!turning && tries_general_motion(source.names.len(), options))

@@ -154,7 +154,7 @@ pub struct Options {
     /// Pairs of image indices known to be plane-normal motions; `None`: found. The joint method uses what other pairs there are as links
     /// between views of the same floor, and images outside of the pairs named as further views.
     pub pairs: Option<Vec<(usize, usize)>>,
-    /// Up to this many images all pairs are compared, beyond it neighbours.
+    /// Up to this many images all pairs are compared; beyond it neighbours and, of pictures, those that look most alike.
     pub all_pairs_limit: usize,
     /// Fewest matches that must agree on a plane; `None`: 15 for images, 6 for given matches.
     pub min_plane_matches: Option<usize>,

@@ -6,7 +6,8 @@
 
 use std::{
     borrow::Cow,
-    collections::{HashMap, HashSet},
+    cmp::Reverse,
+    collections::{BTreeSet, HashMap, HashSet},
 };
 
 use nalgebra::Vector2;
@@ -30,7 +31,7 @@ use crate::{
     },
     result::Warning,
     vision::{
-        features::{FeatureOptions, detect_until, match_features_until},
+        features::{FeatureOptions, Features, detect_until, match_features_until},
         image::GrayImage,
         still::still_parts,
     },
@@ -44,6 +45,9 @@ const MIN_FEATURES_ON_PLANE: usize = 15;
 const MIN_MATCHES_ON_PLANE: usize = 6;
 /// Neighbours that an image of many is compared with.
 const NEIGHBOURS: usize = 3;
+/// Of many images each is compared with those, so many, with which most of its strongest features, so many, match.
+const LIKELY_PARTNERS: usize = 6;
+const FEW_FEATURES: usize = 200;
 
 /// What the driver is given.
 pub(super) struct Source<'a> {
@@ -74,6 +78,8 @@ pub(super) struct PreparedImages<'a> {
     /// Those named first.
     pairs: Vec<(usize, usize)>,
     named: Option<usize>,
+    /// There are too many to compare all; which pairs are likely their features tell.
+    many: bool,
     warnings: Vec<Warning>,
 }
 
@@ -114,7 +120,8 @@ pub(super) fn from_images<'a>(
     if pairs.is_empty() {
         return Err(Error::TooFewImages { found: copies.iter().filter(|c| c.is_none()).count() });
     }
-    Ok(PreparedImages { names, images, pairs, named: named.map(<[_]>::len), warnings })
+    let many = images.len() > options.all_pairs_limit && (named.is_none() || options.has_links_beside_named_pairs());
+    Ok(PreparedImages { names, images, pairs, named: named.map(<[_]>::len), many, warnings })
 }
 
 impl<'a> PreparedImages<'a> {
@@ -135,7 +142,11 @@ impl<'a> PreparedImages<'a> {
         observer: &dyn Observer,
     ) -> Result<Source<'a>, Error> {
         let features = observer.map(Stage::Features, &self.images, |image| detect_until(image, features, observer))?;
-        let matched = observer.map(Stage::Matching, &self.pairs, |&(from, to)| {
+        let mut pairs = self.pairs.clone();
+        if self.many {
+            pairs.extend(likely_pairs(&features, &pairs, options, observer)?);
+        }
+        let matched = observer.map(Stage::Matching, &pairs, |&(from, to)| {
             let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
             Ok(ImagePair { from, to, matches })
         })?;
@@ -357,6 +368,37 @@ fn candidate_pairs(images: usize, options: &Options) -> Vec<(usize, usize)> {
         pairs.push((0, images - 1));
     }
     pairs
+}
+
+/// Pairs of many images that look alike, beside those known: of each image the ones with which most of its strongest features match. Pictures of one
+/// floor share some by chance; that costs time and no more.
+fn likely_pairs(
+    features: &[Features],
+    known: &[(usize, usize)],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Vec<(usize, usize)>, Error> {
+    let few: Vec<Features> = features.iter().map(|features| features.strongest(FEW_FEATURES)).collect();
+    let compared: BTreeSet<usize> = known.iter().flat_map(|&(a, b)| [a, b]).collect();
+    let all: Vec<(usize, usize)> =
+        compared.iter().flat_map(|&a| compared.range(a + 1..).map(move |&b| (a, b))).collect();
+    let counts = observer.map(Stage::Candidates, &all, |&(a, b)| {
+        match_features_until(&few[a], &few[b], &options.matching, observer).map(|matches| matches.len())
+    })?;
+    let mut partners: Vec<Vec<(usize, usize)>> = vec![Vec::new(); features.len()];
+    for (&(a, b), &count) in all.iter().zip(&counts) {
+        partners[a].push((count, b));
+        partners[b].push((count, a));
+    }
+    let known: HashSet<(usize, usize)> = known.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
+    let mut likely = BTreeSet::new();
+    for (image, partners) in partners.iter_mut().enumerate() {
+        partners.sort_by_key(|&(count, other)| (Reverse(count), other));
+        let best = partners.iter().take(LIKELY_PARTNERS).filter(|(count, _)| *count > 0);
+        likely
+            .extend(best.map(|&(_, other)| (image.min(other), image.max(other))).filter(|pair| !known.contains(pair)));
+    }
+    Ok(likely.into_iter().collect())
 }
 
 /// Given pairs, those that the options name first, and how many these are.

@@ -351,7 +351,9 @@ impl Warning {
                 )
             }
             Warning::NeighboursOnly { images } => {
-                format!("{images} images: only neighbours in the given order were compared")
+                format!(
+                    "{images} images: not all pairs were compared, but neighbours in the given order and, of pictures, those that look most alike"
+                )
             }
             Warning::NotRefined { reason } => {
                 format!(

@@ -37,9 +37,11 @@ fn name(stage: Option<Stage>) -> &'static str {
     match stage {
         None => "before",
         Some(Stage::Features) => "features",
+        Some(Stage::Candidates) => "candidates",
         Some(Stage::Matching) => "matching",
         Some(Stage::Homographies) => "homographies",
         Some(Stage::Patches) => "patches",
+        Some(Stage::Selection) => "selection",
         Some(Stage::Camera) => "camera",
     }
 }

@@ -71,3 +71,14 @@ pub struct Features {
     /// One descriptor of [`DESCRIPTOR_LENGTH`] values a feature, unit length, end to end.
     pub descriptors: Vec<f32>,
 }
+
+impl Features {
+    /// The first so many, which are the strongest.
+    pub(crate) fn strongest(&self, most: usize) -> Self {
+        let kept = most.min(self.points.len());
+        Self {
+            points: self.points[..kept].to_vec(),
+            descriptors: self.descriptors[..kept * DESCRIPTOR_LENGTH].to_vec(),
+        }
+    }
+}
