@@ -32,6 +32,8 @@ mod solved;
 mod soundness;
 mod source;
 mod stage_options;
+#[cfg(test)]
+mod tests;
 mod turning;
 mod views;
 

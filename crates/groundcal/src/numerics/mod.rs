@@ -11,4 +11,4 @@ pub use graph::components;
 pub use levenberg_marquardt::{LmOptions, StepPolicy, StopReason};
 pub use linalg::{ComplexPairEigen, ComplexPoint, complex_pair_eigen, symmetric_eigen};
 pub use ransac::{RansacOptions, required_trials};
-pub use statistics::{HUBER_SIGMAS, NORMAL_95, median, spearman};
+pub use statistics::{HUBER_SIGMAS, NORMAL_95, median};

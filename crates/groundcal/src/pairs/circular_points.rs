@@ -196,6 +196,11 @@ const MIN_SIGNIFICANCE: f64 = 8.0;
 /// Largest standard deviation of the point's direction for which first-order propagation means something.
 const MAX_DIRECTION_SIGMA: f64 = 0.3;
 
+/// Whether a homography shows a turn about the plane's normal above its noise: whether it has a circular point that is known.
+pub fn shows_turn(estimate: &HomographyEstimate) -> bool {
+    from_homography(estimate).is_ok()
+}
+
 /// The circular points of a homography with covariance.
 pub fn from_homography(estimate: &HomographyEstimate) -> Result<MotionGeometry, NoCircularPoint> {
     geometry(&estimate.in_frame, &estimate.covariance)

@@ -365,6 +365,20 @@ pub fn refine_division(
     })
 }
 
+/// λ of one motion's matches in closed form, of points in the frame (Fitzgibbon 2001); `None`: no real solution.
+pub fn division_of_motion(matches: &[PointMatch], frame: &Frame) -> Option<f64> {
+    division_closed_form(matches, frame).map(|found| found.model.lambda)
+}
+
+/// λ that some motions share, of points in the frame, minimised together with their homographies, which are those of ideal points.
+///
+/// # Errors
+/// That of a motion without a homography.
+pub fn division_of_motions(motions: &[&[PointMatch]], frame: &Frame) -> Result<(f64, Vec<HomographyEstimate>), Error> {
+    let found = refine_division(motions, frame, None, &RefineOptions::default())?;
+    Ok((found.model.lambda, found.homographies))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -192,6 +192,14 @@ pub fn refine(
     refine_until(matches, start, frame, options, &Silent)
 }
 
+/// Maximum likelihood homography of four or more matches (pixels), all of them inliers, with its covariance (gold standard).
+///
+/// # Errors
+/// [`Error::DegeneratePoints`] for points that determine none.
+pub fn gold_standard_homography(matches: &[PointMatch], frame: &Frame) -> Result<HomographyEstimate, Error> {
+    refine(matches, None, frame, &RefineOptions::default())
+}
+
 /// The same under an observer's eyes; [`Error::Stopped`] when it says so.
 pub(crate) fn refine_until(
     matches: &[PointMatch],

@@ -32,6 +32,8 @@ pub(crate) mod residual;
 pub(crate) mod reweight;
 pub(crate) mod score;
 pub(crate) mod start;
+#[cfg(test)]
+mod tests;
 pub(crate) mod tracks;
 pub(crate) mod variance_components;
 

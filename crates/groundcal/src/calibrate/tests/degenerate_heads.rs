@@ -1,7 +1,7 @@
 //! What a head without roll leaves open, in numbers (docs/theory.md, "What cannot be told"): pans at several elevations for the
 //! rotating-camera method, and one motion under `fixed-pp`.
 
-use groundcal::{
+use crate::{
     calibrate::{LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
     error::Error,
     geometry::{Frame, Intrinsics},

@@ -1,6 +1,6 @@
 //! Accuracy of the robust homography: median transfer error against the same refinement on the true inliers.
 
-use groundcal::{
+use crate::{
     geometry::{Frame, Homography},
     numerics::median,
     pairs::{PointMatch, RefineOptions, RobustOptions, estimate_robust, refine},

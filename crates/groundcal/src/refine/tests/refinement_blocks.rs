@@ -3,7 +3,7 @@
 //!
 //! The bound comes from a model of its own (Euclidean points, angles) by central differences, nothing eliminated.
 
-use groundcal::{
+use crate::{
     geometry::{Frame, ImageSize, Intrinsics, Lens, rotation_cam_from_world},
     numerics::LmOptions,
     refine::{
@@ -117,7 +117,7 @@ impl Scene {
             yaw_rad: p.yaw,
             position: p.centre.xy(),
             ln_height_ratio: 0.0,
-            departure: groundcal::refine::Departure::default(),
+            departure: crate::refine::Departure::default(),
         });
         State {
             cameras: self

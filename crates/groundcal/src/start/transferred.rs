@@ -7,35 +7,28 @@
 //!
 //! The other views need not be turned about the plane's normal: they only have to see the plane, at attitudes of their own. One good
 //! turn is enough, and with an exact axis it does as well as a turn at each attitude or better. An axis off the normal, though, is believed
-//! in every view, where motions of their own are hardly harmed ([`crate::studies::transfer`]). The joint refinement uses both.
+//! in every view, where motions of their own are hardly harmed (the study `transfer` of `groundcal-lab`). The joint refinement uses both.
 
 use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector4};
 
-use groundcal::{
+use crate::{
     error::Error,
-    geometry::Intrinsics,
-    numerics::{ComplexPoint, symmetric_eigen},
-    pairs::{CircularPoint, HomographyEstimate, NoCircularPoint, from_homography},
+    geometry::constraint::Constraint,
+    numerics::linalg::{ComplexPoint, symmetric_eigen},
+    pairs::{
+        circular_points::{CircularPoint, NoCircularPoint, from_homography},
+        refine::HomographyEstimate,
+    },
     remedy::Remedy,
-    start::{Constraint, Parameters, intrinsics_of, solve_unweighted, what_is_uncertain},
+    start::{
+        absolute_conic::{Parameters, intrinsics_of, solve_unweighted},
+        closed_forms::{LinearCamera, common_frame},
+        linear_camera::what_is_uncertain,
+    },
 };
 
-/// A camera from one motion and views it was transferred to.
-#[derive(Debug, Clone)]
-pub struct TransferSolution {
-    /// In pixels.
-    pub intrinsics: Intrinsics,
-    /// Covariance of (fx, fy, cx, cy, skew) in pixels squared, zero rows for what was held: that of the motion and of the transfers
-    /// through the linear solution, to first order.
-    pub covariance_px: SMatrix<f64, 5, 5>,
-    /// Which of (fx, fy, cx, cy, skew) were estimated.
-    pub estimated: [bool; 5],
-    /// The circular points: of view 0, then of each other view; frame coordinates, unit norm.
-    pub points: Vec<ComplexPoint>,
-}
-
 /// The circular point of a view from that of another.
-pub fn transfer(h: &Matrix3<f64>, point: &ComplexPoint) -> ComplexPoint {
+fn transfer(h: &Matrix3<f64>, point: &ComplexPoint) -> ComplexPoint {
     (h.map(|v| Complex::new(v, 0.0)) * point).normalize()
 }
 
@@ -49,12 +42,12 @@ const STEP_SIGMAS: f64 = 0.05;
 /// [`Error::NoUsableMotion`] when the motion shows no turn; [`Error::TooFewAttitudes`] for fewer views than the constraint needs;
 /// [`Error::Undetermined`] and [`Error::NotPositiveDefinite`] when the views are too alike or no real camera solves the equations;
 /// [`Error::InvalidInput`] for frames that differ; [`Error::InvalidOption`] for [`Constraint::Auto`].
-pub fn calibrate_transferred(
+pub fn transferred_camera(
     motion: &HomographyEstimate,
     others: &[HomographyEstimate],
     constraint: Constraint,
     aspect: f64,
-) -> Result<TransferSolution, Error> {
+) -> Result<LinearCamera, Error> {
     if constraint == Constraint::Auto {
         return Err(Error::InvalidOption(
             "the transfer of one motion has no priors: give zero-skew, square or another constraint instead of auto"
@@ -64,9 +57,7 @@ pub fn calibrate_transferred(
     if !(aspect.is_finite() && aspect > 0.0) {
         return Err(Error::InvalidOption(format!("aspect ratio {aspect} must be positive")));
     }
-    if others.iter().any(|h| h.frame != motion.frame) {
-        return Err(Error::InvalidInput("the homographies are given in different frames".into()));
-    }
+    let frame = common_frame(std::iter::once(motion).chain(others))?;
     let (found, needed) = (1 + others.len(), constraint.attitudes_needed());
     if found < needed {
         return Err(Error::TooFewAttitudes {
@@ -92,8 +83,7 @@ pub fn calibrate_transferred(
         remedies: vec![Remedy::CLEAR_TURN],
     })?;
     let matrices: Vec<Matrix3<f64>> = others.iter().map(|h| h.in_frame).collect();
-    let (p, covariance, points) = propagate(&first.circular_point, &matrices, others, constraint, aspect)?;
-    let frame = &motion.frame;
+    let (p, covariance) = propagate(&first.circular_point, &matrices, others, constraint, aspect)?;
     let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&p));
     intrinsics.skew += 0.0;
     if let Some(uncertain) = what_is_uncertain(&covariance, frame) {
@@ -105,17 +95,10 @@ pub fn calibrate_transferred(
     }
     let mut to_pixels = SMatrix::<f64, 5, 5>::from_diagonal_element(frame.scale_px);
     (to_pixels[(0, 0)], to_pixels[(1, 0)], to_pixels[(1, 1)]) = (intrinsics.fx, intrinsics.fy, intrinsics.fy);
-    let f = constraint.free();
-    Ok(TransferSolution {
-        intrinsics,
-        covariance_px: to_pixels * covariance * to_pixels.transpose(),
-        // fy moves with fx when the ratio is held.
-        estimated: [f[0], f[0], f[2], f[3], f[4]],
-        points,
-    })
+    Ok(LinearCamera { intrinsics, covariance_px: to_pixels * covariance * to_pixels.transpose() })
 }
 
-type Solution = (Parameters, SMatrix<f64, 5, 5>, Vec<ComplexPoint>);
+type Solution = (Parameters, SMatrix<f64, 5, 5>);
 
 /// The linear solution with the covariance that its inputs give it, by differences.
 fn propagate(
@@ -160,16 +143,16 @@ fn propagate(
             add(moved(1.0)?, moved(-1.0)?);
         }
     }
-    Ok((p, covariance, points_of(&e, matrices)))
+    Ok((p, covariance))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use groundcal::{
-        geometry::Frame,
-        pairs::{RefineOptions, refine},
-        synthetic::{MotionSpec, PointScene},
+    use crate::{
+        geometry::frame::Frame,
+        pairs::refine::{RefineOptions, refine},
+        synthetic::points::{MotionSpec, PointScene},
     };
 
     /// One turn of 25 degrees, then views of other attitudes from other places.
@@ -187,11 +170,11 @@ mod tests {
         PointScene { motions: [&[first][..], &others].concat(), sigma_px, ..nominal }
     }
 
-    fn solve(scene: &PointScene, constraint: Constraint) -> Result<TransferSolution, Error> {
+    fn solve(scene: &PointScene, constraint: Constraint) -> Result<LinearCamera, Error> {
         let frame = Frame::new(scene.size, None);
         let fit = |matches: &[_]| refine(matches, None, &frame, &RefineOptions::default()).expect("a homography");
         let all: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.pair.matches)).collect();
-        calibrate_transferred(&all[0], &all[1..], constraint, scene.intrinsics.fy / scene.intrinsics.fx)
+        transferred_camera(&all[0], &all[1..], constraint, scene.intrinsics.fy / scene.intrinsics.fx)
     }
 
     #[test]
@@ -204,7 +187,6 @@ mod tests {
             {
                 assert!((a - b).abs() < 1e-8 * truth.fx, "{}: {a} {b}", constraint.name());
             }
-            assert_eq!(found.points.len(), 3);
         }
     }
 
@@ -235,7 +217,7 @@ mod tests {
         };
         let motion = fit(0);
         let refused = |others: &[HomographyEstimate], constraint| {
-            calibrate_transferred(&motion, others, constraint, 1.0).expect_err("not determined")
+            transferred_camera(&motion, others, constraint, 1.0).expect_err("not determined")
         };
         assert!(matches!(refused(&[], Constraint::ZeroSkew), Error::TooFewAttitudes { attitudes: 1, needed: 2, .. }));
         assert!(matches!(refused(&[fit(1)], Constraint::Auto), Error::InvalidOption(_)));

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use groundcal::{
+use crate::{
     geometry::{Frame, ImageSize},
     pairs::{PointMatch, RobustHomography, RobustOptions, estimate_robust},
     vision::{

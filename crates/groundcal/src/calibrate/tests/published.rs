@@ -1,6 +1,6 @@
 //! The method as Knight, Zisserman & Reid published it (`Method::Kzr`): exact data, the three steps done by hand, its error bars.
 
-use groundcal::{
+use crate::{
     calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches},
     error::Error,
     geometry::{Division, Frame, Intrinsics, Lens},
