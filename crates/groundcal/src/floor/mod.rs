@@ -9,6 +9,8 @@ pub(crate) mod projection;
 mod rectified;
 pub(crate) mod rectify;
 pub(crate) mod scale;
+#[cfg(test)]
+mod tests;
 pub(crate) mod undistort;
 pub(crate) mod view;
 

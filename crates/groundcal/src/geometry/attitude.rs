@@ -37,7 +37,7 @@ pub fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {
 }
 
 /// The rotation of world coordinates about the plane's normal that a camera's yaw stands for: `Rz(-yaw)`, in radians.
-pub fn yaw_rotation(yaw_rad: f64) -> Matrix3<f64> {
+pub(crate) fn yaw_rotation(yaw_rad: f64) -> Matrix3<f64> {
     let (s, c) = yaw_rad.sin_cos();
     Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)
 }

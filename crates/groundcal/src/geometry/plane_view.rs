@@ -34,7 +34,8 @@ pub(crate) const PARAMETERS: usize = 13;
 pub(crate) type ProjectionJacobian = SMatrix<f64, 2, PARAMETERS>;
 
 /// The pixel of a floor point; `None` when it lies behind the camera.
-pub fn project(k: &Intrinsics, view: &View, point: &Vector2<f64>) -> Option<Vector2<f64>> {
+#[cfg(test)]
+pub(crate) fn project(k: &Intrinsics, view: &View, point: &Vector2<f64>) -> Option<Vector2<f64>> {
     let w = yaw_rotation(view.yaw_rad) * (Vector3::new(point.x, point.y, 0.0) - view.centre);
     let x = attitude_rotation(view.pitch_down_rad, view.roll_rad) * w;
     (x.z > 0.0).then(|| k.pixel_from_normalised(&Vector2::new(x.x / x.z, x.y / x.z)))

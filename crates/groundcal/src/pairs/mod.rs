@@ -19,14 +19,11 @@ pub(crate) mod robust;
 #[cfg(test)]
 mod tests;
 
-pub use circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, Sensitivity, from_homography, shows_turn};
+pub use circular_points::{CircularPoint, Sensitivity, shows_turn};
 pub use correspondence::{ImagePair, PointMatch, validated};
-pub use division::{
-    DivisionEstimate, DivisionHomography, DivisionModel, division_closed_form, division_of_motion, division_of_motions,
-    refine_division,
-};
+pub use division::{division_of_motion, division_of_motions};
 pub use dlt::direct_linear_transformation;
 pub use pair_lens::RadialCorrection;
 pub use placed_lens::PlacedLens;
-pub use refine::{HomographyEstimate, RefineOptions, gold_standard_homography, refine};
+pub use refine::{HomographyEstimate, gold_standard_homography};
 pub use robust::{RobustHomography, RobustOptions, estimate_robust};

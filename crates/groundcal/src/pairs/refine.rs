@@ -154,7 +154,7 @@ pub(crate) const SIGMA_FLOOR_PX: f64 = 0.01;
 
 /// Options of [`refine`].
 #[derive(Debug, Clone, Copy)]
-pub struct RefineOptions {
+pub(crate) struct RefineOptions {
     /// Squared residuals were cut at this quantile of their distribution before (1: not cut): the noise estimate allows
     /// for it.
     pub kept_fraction: f64,
@@ -183,7 +183,7 @@ pub(crate) fn to_frame(matches: &[PointMatch], frame: &Frame) -> Vec<PointMatch>
 
 /// Maximum likelihood homography of four or more matches (pixels), all of them inliers, from a start in frame coordinates
 /// (default: linear), with its covariance.
-pub fn refine(
+pub(crate) fn refine(
     matches: &[PointMatch],
     start: Option<&Matrix3<f64>>,
     frame: &Frame,

@@ -10,9 +10,11 @@ mod planner;
 pub(crate) mod report;
 pub(crate) mod request;
 mod search;
+#[cfg(test)]
+mod tests;
 
 pub use after::start_after;
 pub use carriers::{Carrier, CarrierMotion};
-pub use planner::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start, VarianceShares};
+pub use planner::{Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, VarianceShares};
 pub use report::{Assumptions, PlanReport};
 pub use request::{MAX_MOTIONS, PlanRequest, RequestError};

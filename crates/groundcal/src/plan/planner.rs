@@ -75,10 +75,10 @@ pub struct PlanOptions {
 }
 
 /// A calibration to be improved: the covariance of its camera in pixels squared, zero rows for what it held. It has the priors in it.
-pub type Start = Covariance<Parameter>;
+pub(crate) type Start = Covariance<Parameter>;
 
 /// Relative standard deviation of heights taken where none is given: that of a tripod or a robot on a floor.
-pub const HEIGHT_SIGMA: f64 = 1e-3;
+pub(crate) const HEIGHT_SIGMA: f64 = 1e-3;
 /// Fewest matches of a motion, as in the calibration of images.
 pub(crate) const MIN_MATCHES: f64 = 15.0;
 /// Least part of the first image's floor that the second must show.
@@ -281,17 +281,18 @@ impl Planner {
     }
 
     /// A motion of the rig, height 1.
-    pub fn motion(&self, pitch_down_rad: f64, roll_rad: f64, turn_rad: f64) -> MotionSpec {
+    pub(crate) fn motion(&self, pitch_down_rad: f64, roll_rad: f64, turn_rad: f64) -> MotionSpec {
         MotionSpec::about_axis(pitch_down_rad, roll_rad, turn_rad, self.rig.axis_offset, 1.0)
     }
 
     /// Part of the first image of a motion whose floor the second shows too: `points` times this is the number of its matches.
-    pub fn shared_fraction(&self, motion: &MotionSpec) -> f64 {
+    pub(crate) fn shared_fraction(&self, motion: &MotionSpec) -> f64 {
         self.setting.shared_floor(motion).fraction
     }
 
     /// How well the camera is known from what was known before and these motions; `None` when they do not determine it.
-    pub fn predict(&self, motions: &[MotionSpec]) -> Option<Prediction> {
+    #[cfg(test)]
+    pub(crate) fn predict(&self, motions: &[MotionSpec]) -> Option<Prediction> {
         let of = |m: &MotionSpec| self.setting.information(m, &self.setting.shared_floor(m), 1);
         let sum = motions.iter().map(of).sum::<Option<CameraMatrix>>()?;
         self.prediction(&(self.base + sum)).ok()

@@ -63,10 +63,10 @@ pub struct WeightedPoint {
 }
 
 /// Camera matrix parameters (ln fx, ln fy/fx, cx, cy, skew) in frame units.
-pub type Parameters = SVector<f64, 5>;
+pub(crate) type Parameters = SVector<f64, 5>;
 
 /// The camera matrix of the parameters.
-pub fn intrinsics_of(p: &Parameters) -> Intrinsics {
+pub(crate) fn intrinsics_of(p: &Parameters) -> Intrinsics {
     let fx = p[0].exp();
     Intrinsics { fx, fy: fx * p[1].exp(), cx: p[2], cy: p[3], skew: p[4] }
 }
@@ -369,7 +369,11 @@ pub(crate) fn solve_linear(points: &[WeightedPoint], constraint: Constraint, asp
 ///
 /// # Errors
 /// [`Error::NotPositiveDefinite`] when no real camera solves the equations.
-pub fn solve_unweighted(points: &[ComplexPoint], constraint: Constraint, aspect: f64) -> Result<Parameters, Error> {
+pub(crate) fn solve_unweighted(
+    points: &[ComplexPoint],
+    constraint: Constraint,
+    aspect: f64,
+) -> Result<Parameters, Error> {
     let basis = constraint.basis(aspect);
     let mut signal = SMatrix::<f64, 6, 6>::zeros();
     for e in points {

@@ -5,15 +5,12 @@
 mod copies;
 mod exact;
 mod fisheye;
-mod floor;
 mod floor_points;
 mod general_motion;
 mod invariance;
 mod lens;
-mod plan;
 mod prior_conflicts;
 mod rotating_camera;
-mod selection;
 mod statistics;
 mod stop;
 mod thresholds;

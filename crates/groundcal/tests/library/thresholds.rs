@@ -123,7 +123,14 @@ fn the_table_of_thresholds_is_that_of_the_code() {
         table.insert((code_of(cells[0]), code_of(cells[1]), squeezed(&code_of(cells[2]))));
         // The modules of tests that it names are there.
         for module in cells[cells.len() - 1].split('`').skip(1).step_by(2) {
-            let folders = ["tests/library", "src/pairs/tests", "src/refine/tests", "src/calibrate/tests"];
+            let folders = [
+                "tests/library",
+                "src/pairs/tests",
+                "src/refine/tests",
+                "src/calibrate/tests",
+                "src/plan/tests",
+                "src/floor/tests",
+            ];
             let krate = Path::new(env!("CARGO_MANIFEST_DIR"));
             let exists = |folder: &&str| krate.join(folder).join(format!("{module}.rs")).exists();
             assert!(folders.iter().any(|folder| exists(&folder)), "{module} of {row}");

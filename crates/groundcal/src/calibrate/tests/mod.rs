@@ -5,3 +5,4 @@
 
 mod degenerate_heads;
 mod published;
+mod selection;

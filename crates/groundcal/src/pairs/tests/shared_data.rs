@@ -3,13 +3,15 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::{
-    geometry::{Frame, ImageSize},
-    pairs::{PointMatch, RobustHomography, RobustOptions, estimate_robust},
-    vision::{
-        FeatureOptions, GrayImage, MatchOptions, PatchOptions, detect, match_features, match_patches, template_grid,
-    },
-};
+use crate::geometry::frame::Frame;
+use crate::geometry::size::ImageSize;
+use crate::pairs::correspondence::PointMatch;
+use crate::pairs::robust::{RobustHomography, RobustOptions, estimate_robust};
+use crate::vision::features::FeatureOptions;
+use crate::vision::features::detect;
+use crate::vision::features::{MatchOptions, match_features};
+use crate::vision::image::GrayImage;
+use crate::vision::patches::{PatchOptions, match_patches, template_grid};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// The folder of a set, if it is there.

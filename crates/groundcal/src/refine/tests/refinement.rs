@@ -1,19 +1,25 @@
 //! The joint refinement against truth: exact data, the Cramér-Rao bound, full turns, panoramas, screw motions, axes that vary.
 
-use crate::{
-    calibrate::{LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
-    error::Error,
-    geometry::{Frame, ImageSize, Intrinsics, Lens, attitude_rotation, rotation_cam_from_world},
-    numerics::LmOptions,
-    pairs::ImagePair,
-    refine::{
-        BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
-        Track, adjust,
-    },
-    result::Calibration,
-    start::Constraint,
-    synthetic::{HeightModel, MotionSpec, PointScene, cramer_rao_bound, turning_pairs},
-};
+use crate::calibrate::calibrate_matches;
+use crate::calibrate::{LensModel, MotionModel, Options};
+use crate::error::Error;
+use crate::geometry::attitude::{attitude_rotation, rotation_cam_from_world};
+use crate::geometry::constraint::Constraint;
+use crate::geometry::frame::Frame;
+use crate::geometry::intrinsics::Intrinsics;
+use crate::geometry::lens::Lens;
+use crate::geometry::size::ImageSize;
+use crate::numerics::levenberg_marquardt::LmOptions;
+use crate::observer::Silent;
+use crate::pairs::correspondence::ImagePair;
+use crate::refine::adjust::adjust;
+use crate::refine::blocks::{BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, State};
+use crate::refine::residual::SceneModel;
+use crate::refine::tracks::{Kind, Observation, Track};
+use crate::result::calibration::Calibration;
+use crate::result::camera::Method;
+use crate::synthetic::bound::{HeightModel, cramer_rao_bound};
+use crate::synthetic::points::{MotionSpec, PointScene, turning_pairs};
 use nalgebra::{Matrix3, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -193,7 +199,7 @@ fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
             // The unit of length is the height of the first view.
             position: v.centre.xy() / m.height,
             ln_height_ratio: (v.centre.z / m.height).ln(),
-            departure: crate::refine::Departure::default(),
+            departure: crate::refine::blocks::Departure::default(),
         })
     });
     (frame, tracks, State::of_one_camera(camera, groups, frames.collect()))

@@ -46,7 +46,7 @@ impl Default for FeatureOptions {
 }
 
 /// Number of histogram cells of a descriptor.
-pub const DESCRIPTOR_LENGTH: usize = 128;
+pub(crate) const DESCRIPTOR_LENGTH: usize = 128;
 
 /// A feature of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
