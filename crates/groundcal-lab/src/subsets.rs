@@ -10,7 +10,7 @@
 use rayon::prelude::*;
 
 use groundcal::{
-    error::Error,
+    Error,
     pairs::HomographyEstimate,
     start::{Constraint, LinearCamera, weighted_camera},
 };

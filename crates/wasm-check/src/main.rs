@@ -4,8 +4,8 @@
 #![forbid(unsafe_code)]
 
 use groundcal::{
+    Error,
     calibrate::{Options, Silent, calibrate_matches},
-    error::Error,
     plan::{Carrier, PlanOptions, Planner},
     synthetic::PointScene,
 };

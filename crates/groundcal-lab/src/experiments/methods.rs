@@ -6,11 +6,10 @@
 //! - *groundcal*: the program's own, from the pictures or the matches.
 
 use groundcal::{
+    Error, Remedy,
     calibrate::{Options, Silent, calibrate_matched_images},
-    error::Error,
     geometry::{Frame, Intrinsics},
     pairs::{HomographyEstimate, ImagePair, PlacedLens, PointMatch, estimate_robust, shows_turn},
-    remedy::Remedy,
     result::{Calibration, Parameter},
     start::{Constraint, rotating_camera, unweighted_camera_with_covariance},
     vision::{GrayImage, detect, match_features},

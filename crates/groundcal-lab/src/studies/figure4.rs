@@ -12,8 +12,8 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::studies::setting::{Asked, Attitudes, FOCAL_OVER_WIDTH, Setting};
 use groundcal::{
+    Error,
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    error::Error,
     geometry::{Frame, Intrinsics, Lens, View, angles_from_rotation, rotation_cam_from_world},
     numerics::NORMAL_95,
     pairs::{ImagePair, PointMatch, direct_linear_transformation, gold_standard_homography},

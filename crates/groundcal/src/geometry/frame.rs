@@ -39,7 +39,7 @@ impl Frame {
     }
 
     /// The matrix that takes homogeneous pixels to frame coordinates.
-    pub fn frame_matrix(&self) -> Matrix3<f64> {
+    pub(crate) fn frame_matrix(&self) -> Matrix3<f64> {
         let s = 1.0 / self.scale_px;
         Matrix3::new(s, 0.0, -self.origin_px.x * s, 0.0, s, -self.origin_px.y * s, 0.0, 0.0, 1.0)
     }
@@ -64,7 +64,7 @@ impl Frame {
     }
 
     /// A camera matrix in frame units from one in pixels.
-    pub fn intrinsics_from_pixel(&self, k: &Intrinsics) -> Intrinsics {
+    pub(crate) fn intrinsics_from_pixel(&self, k: &Intrinsics) -> Intrinsics {
         Intrinsics {
             fx: k.fx / self.scale_px,
             fy: k.fy / self.scale_px,

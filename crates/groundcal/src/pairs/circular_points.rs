@@ -20,7 +20,7 @@ use crate::{
 
 /// One of the two imaged circular points (the other is its conjugate) with its covariance, in frame coordinates.
 #[derive(Debug, Clone)]
-pub struct CircularPoint {
+pub(crate) struct CircularPoint {
     /// The point, unit length, of arbitrary phase.
     pub point: ComplexPoint,
     /// Two directions that complete it to a unitary basis: an error is e + α u + β v.
@@ -36,7 +36,7 @@ pub struct CircularPoint {
 
 /// The homography a circular point came from and the derivative of (Re α, Im α, Re β, Im β) by its entries.
 #[derive(Debug, Clone)]
-pub struct Sensitivity {
+pub(crate) struct Sensitivity {
     /// Frame coordinates, unit norm.
     pub h: Matrix3<f64>,
     /// 4x9, entries row by row.

@@ -19,7 +19,7 @@ pub(crate) mod robust;
 #[cfg(test)]
 mod tests;
 
-pub use circular_points::{CircularPoint, Sensitivity, shows_turn};
+pub use circular_points::shows_turn;
 pub use correspondence::{ImagePair, PointMatch, validated};
 pub use division::{division_of_motion, division_of_motions};
 pub use dlt::direct_linear_transformation;

@@ -49,7 +49,7 @@ pub struct AttitudeGroup {
     /// Indices of the motions.
     pub members: Vec<usize>,
     /// Their common circular point.
-    pub fused: WeightedPoint,
+    pub(crate) fused: WeightedPoint,
 }
 
 /// Squared distance beyond which two attitudes are different: 99.9 % of chi-squared with four degrees of freedom.
