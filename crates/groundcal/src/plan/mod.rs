@@ -15,6 +15,6 @@ mod tests;
 
 pub use after::start_after;
 pub use carriers::{Carrier, CarrierMotion};
-pub use planner::{Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, VarianceShares};
+pub use planner::{Plan, PlannedMotion, Prediction, VarianceShares};
 pub use report::{Assumptions, PlanReport};
 pub use request::{MAX_MOTIONS, PlanRequest, RequestError};

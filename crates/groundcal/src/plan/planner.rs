@@ -39,7 +39,7 @@ use crate::{
 
 /// How a camera can move. Every pitch may be combined with every roll and every turn.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rig {
+pub(crate) struct Rig {
     /// Angles of the optical axis below the horizontal, radians.
     pub pitches_down_rad: Vec<f64>,
     /// Rolls, radians.
@@ -54,7 +54,7 @@ pub struct Rig {
 
 /// What is planned for.
 #[derive(Debug, Clone)]
-pub struct PlanOptions {
+pub(crate) struct PlanOptions {
     /// The camera as it is thought to be, pixels.
     pub intrinsics: Intrinsics,
     /// Its lens.
@@ -155,7 +155,7 @@ fn round(degrees: f64) -> f64 {
 }
 
 /// Everything a plan is made with.
-pub struct Planner {
+pub(crate) struct Planner {
     setting: Setting,
     rig: Rig,
     motions: usize,
@@ -218,7 +218,7 @@ impl Planner {
     ///
     /// # Errors
     /// [`Error::InvalidOption`], [`Error::InvalidInput`] for a covariance that is none.
-    pub fn new(options: &PlanOptions, start: Option<&Start>) -> Result<Self, Error> {
+    pub(crate) fn new(options: &PlanOptions, start: Option<&Start>) -> Result<Self, Error> {
         options.validate()?;
         let (size, calibration) = (options.size, &options.calibration);
         let frame = Frame::new(size, calibration.principal_point_px);
@@ -303,7 +303,7 @@ impl Planner {
     /// # Errors
     /// [`Error::Undetermined`] or [`Error::TooFewAttitudes`] when no motions of the rig tell what the constraint asks for, with
     /// the reason and what to change.
-    pub fn plan(&self) -> Result<Plan, Error> {
+    pub(crate) fn plan(&self) -> Result<Plan, Error> {
         self.refuse_undetermined()?;
         let candidates = self.candidates()?;
         // A rig of one attitude goes on from picture to picture.

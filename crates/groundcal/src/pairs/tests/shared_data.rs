@@ -115,7 +115,7 @@ fn patches_of_the_true_motions_are_good_to_a_few_hundredths_of_a_pixel() {
         let [a, b] = &images;
         let grid = template_grid(a, &options);
         let patches = match_patches(a, &grid, b, &|p| rough.apply(p), &options);
-        let matches: Vec<PointMatch> = patches.iter().map(|m| m.to_point_match(options.model_sigma_px)).collect();
+        let matches: Vec<PointMatch> = patches.iter().map(|m| m.point_match(options.model_sigma_px)).collect();
         let kept = robust(&matches, 6.0).inliers;
         let errors: Vec<Vector2<f64>> = kept
             .iter()
