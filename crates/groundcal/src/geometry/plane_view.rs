@@ -28,9 +28,11 @@ pub struct View {
 }
 
 /// Number of derivatives of [`project_with_jacobian`].
+#[cfg(feature = "synthetic")]
 pub(crate) const PARAMETERS: usize = 13;
 
 /// Order of the derivatives: (fx, fy, cx, cy, skew), (pitch, roll), yaw, centre (x, y, height), point (X, Y).
+#[cfg(feature = "synthetic")]
 pub(crate) type ProjectionJacobian = SMatrix<f64, 2, PARAMETERS>;
 
 /// The pixel of a floor point; `None` when it lies behind the camera.
@@ -42,6 +44,7 @@ pub(crate) fn project(k: &Intrinsics, view: &View, point: &Vector2<f64>) -> Opti
 }
 
 /// The pixel of a floor point and its derivatives.
+#[cfg(feature = "synthetic")]
 pub(crate) fn project_with_jacobian(
     k: &Intrinsics,
     view: &View,
