@@ -235,7 +235,7 @@ fn of_csv(asked: Asked, pairs: Option<NamedPairs>, path: PathBuf, watch: &work::
         _ => None,
     };
     let choice = match &list {
-        Some(list) => PairChoice::Listed(list),
+        Some(list) => PairChoice::Listed { list, all_pairs_limit: asked.options.all_pairs_limit },
         None => PairChoice::Near { all_pairs_limit: asked.options.all_pairs_limit },
     };
     let mut found = read_matches(&path, size, choice)?;

@@ -115,8 +115,13 @@ const MOTIONS: [(&str, MotionModel); 4] = [
     ("turning", MotionModel::Turning),
     ("general", MotionModel::General),
 ];
-const METHODS: [(&str, Method); 4] =
-    [("joint", Method::Joint), ("linear", Method::Linear), ("kzr", Method::Kzr), ("rotating", Method::Rotating)];
+const METHODS: [(&str, Method); 5] = [
+    ("joint", Method::Joint),
+    ("linear", Method::Linear),
+    ("kzr", Method::Kzr),
+    ("transferred", Method::Transferred),
+    ("rotating", Method::Rotating),
+];
 const RADIAL: [(&str, RadialCorrection); 2] =
     [("per-pair", RadialCorrection::PerPair), ("closed-form", RadialCorrection::ClosedForm)];
 const HOMOGRAPHIES: [(&str, HomographyFit); 2] =

@@ -63,7 +63,7 @@ def test_values_of_wrong_types(options: dict[str, Any], words: list[str]) -> Non
         ({"image_size": (0, 240)}, ["image_size=(0, 240)", "between 2 and"]),
         ({"image_size": (10**5, 10**5)}, ["megapixels"]),
         ({"constraint": "squre"}, ['Did you mean "square"?']),
-        ({"method": "magic"}, ['there is no "magic"', '"joint", "linear", "kzr", "rotating"']),
+        ({"method": "magic"}, ['there is no "magic"', '"joint", "linear", "kzr", "transferred", "rotating"']),
         ({"homographies": "linear"}, ["kzr"]),
         ({"lens": "k3"}, ['"none", "k1", "k1k2", "radtan", "fisheye"']),
         ({"aspect": -1.0}, ["aspect ratio -1"]),

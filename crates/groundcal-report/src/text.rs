@@ -253,6 +253,7 @@ fn how(c: &Calibration) -> Vec<(&'static str, String)> {
         Method::Rotating => "rotating camera, covariance-weighted",
         Method::Linear => "linear, covariance-weighted, polished",
         Method::Kzr => "linear as published (Knight, Zisserman & Reid 2003)",
+        Method::Transferred => "one motion transferred, linear (Knight, Zisserman & Reid 2003, 2.3)",
     };
     let estimated = if c.attitude_sigma_estimated { ", estimated" } else { "" };
     let mut list = vec![("Method", method.to_string()), ("Constraint", c.constraint.to_string())];

@@ -210,6 +210,9 @@ pub(crate) enum MethodArg {
     /// The same as published, for comparison: homographies, their eigenvectors, one linear system with all weights one, Cholesky. No lens
     /// of all pictures (undo it first, or see `--radial`), no weights, nothing polished
     Kzr,
+    /// One motion transferred, linearly: its circular point carried into other views of its plane by their homographies, however these
+    /// turned (section 2.3 there). Four images give the full camera; `joint` uses such views, too
+    Transferred,
     /// All pairs taken for rotations about the optical centre (Hartley 1994): a pan-tilt camera on the spot, no floor needed. Wrong
     /// for a camera that moves; `joint` recognises cameras that turn on the spot by itself
     Rotating,
@@ -257,6 +260,7 @@ impl From<MethodArg> for Method {
             MethodArg::Joint => Method::Joint,
             MethodArg::Linear => Method::Linear,
             MethodArg::Kzr => Method::Kzr,
+            MethodArg::Transferred => Method::Transferred,
             MethodArg::Rotating => Method::Rotating,
         }
     }
@@ -423,7 +427,7 @@ fn from_inputs(
                 CliError::Usage(format!("{}: give the size of the images with --image-size WxH", shown(&path)))
             })?;
             let choice = match &args.pairs {
-                Some(list) => PairChoice::Listed(list),
+                Some(list) => PairChoice::Listed { list, all_pairs_limit: options.all_pairs_limit },
                 None => PairChoice::Near { all_pairs_limit: options.all_pairs_limit },
             };
             let table = read_matches(&path, size, choice)?;

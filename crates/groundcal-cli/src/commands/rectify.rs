@@ -165,6 +165,7 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>, Finished), Cl
             match calibration.method {
                 Method::Linear => "--method linear",
                 Method::Kzr => "--method kzr",
+                Method::Transferred => "--method transferred",
                 Method::Rotating => "--method rotating",
                 Method::Joint => "the joint refinement failed",
             }

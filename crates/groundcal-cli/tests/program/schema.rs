@@ -144,6 +144,7 @@ fn calibrations() -> Vec<(String, Value)> {
         vec![&head, "--max-features", "800", "--method", "rotating"],
         vec![&tripod, "--max-features", "1500", "--method", "kzr", "--homographies", "linear"],
         vec![&tripod, "--max-features", "1500", "--method", "kzr", "--radial", "per-pair"],
+        vec![&tripod, "--max-features", "1500", "--method", "transferred"],
         vec![&csv, "--image-size", "1280x960", "--constraint", "full", "--k1", "0.0001"],
     ];
     runs.into_iter().map(|args| (args.join(" "), calibrate(&args).json())).collect()

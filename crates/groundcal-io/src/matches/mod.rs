@@ -28,8 +28,13 @@ pub enum PairChoice<'a> {
         /// Images of which all pairs are made.
         all_pairs_limit: usize,
     },
-    /// Those that a CSV lists (`image_a,image_b`).
-    Listed(&'a Path),
+    /// Those that a CSV lists (`image_a,image_b`), and the same beside them: views of one plane are linked by more than its motions.
+    Listed {
+        /// The CSV.
+        list: &'a Path,
+        /// Images of which all pairs are made.
+        all_pairs_limit: usize,
+    },
 }
 
 /// Reads `matches.csv` (`image_a,image_b,xa,ya,xb,yb[,sigma_px]`) or `tracks.csv` (`image,track,x,y[,sigma_px]`), told apart by
@@ -54,7 +59,7 @@ pub fn read_matches(path: &Path, size: ImageSize, choice: PairChoice) -> Result<
     let table = table::Table::read(path)?;
     if table.has("image_a") && table.has("xa") {
         let mut found = matches_csv::point_pairs(&table, size)?;
-        if let PairChoice::Listed(list) = choice {
+        if let PairChoice::Listed { list, .. } = choice {
             found.listed = Some(read_pairs(list, &found.names)?);
         }
         Ok(found.judged(path, size))
@@ -62,9 +67,9 @@ pub fn read_matches(path: &Path, size: ImageSize, choice: PairChoice) -> Result<
         let tracks = tracks_csv::Tracks::read(&table, size)?;
         match choice {
             PairChoice::Near { all_pairs_limit } => tracks.near(all_pairs_limit),
-            PairChoice::Listed(list) => {
+            PairChoice::Listed { list, all_pairs_limit } => {
                 let list = read_pairs(list, &tracks.names)?;
-                tracks.listed(list)
+                tracks.listed(list, all_pairs_limit)
             }
         }
         .map(|found| found.judged(path, size))

@@ -86,12 +86,13 @@ fn tracks_that_share_nothing_say_so() {
 }
 
 #[test]
-fn listed_pairs_only() {
-    let tracks = file("image,track,x,y\na,7,2,3\nb,7,1,3\nc,7,5,6\n");
+fn listed_pairs_and_those_beside_them() {
+    let tracks = file("image,track,x,y\na,7,2,3\nb,8,1,3\nc,7,5,6\nc,8,5,7\n");
     let list = file("image_a;image_b\nc;a # the turn\n");
-    let found = read_matches(&tracks.path, SIZE, PairChoice::Listed(&list.path)).unwrap();
+    let found = read_matches(&tracks.path, SIZE, PairChoice::Listed { list: &list.path, all_pairs_limit: 40 }).unwrap();
     assert_eq!(found.listed, Some(vec![(2, 0)]));
-    assert_eq!((found.pairs.len(), found.pairs[0].from, found.pairs[0].to), (1, 0, 2));
+    let pairs: Vec<(usize, usize)> = found.pairs.iter().map(|p| (p.from, p.to)).collect();
+    assert_eq!(pairs, [(0, 2), (1, 2)]);
 }
 
 /// The work grows with the tracks, not with their square, and with the pairs that are made.

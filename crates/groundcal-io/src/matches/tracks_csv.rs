@@ -123,9 +123,15 @@ impl Tracks {
 
     /// All pairs of a small set, else neighbours.
     pub(crate) fn near(mut self, all_pairs_limit: usize) -> Result<PointPairs, String> {
+        let neighbours_only = self.names.len() > all_pairs_limit;
+        let pairs = self.near_pairs(all_pairs_limit);
+        let found = self.matches_of(&pairs, MAX_MATCHES);
+        self.finish(found, neighbours_only, None)
+    }
+
+    fn near_pairs(&self, all_pairs_limit: usize) -> Vec<(usize, usize)> {
         let count = self.names.len();
-        let neighbours_only = count > all_pairs_limit;
-        let reach = if neighbours_only { 3 } else { count };
+        let reach = if count > all_pairs_limit { 3 } else { count };
         let mut pairs = Vec::new();
         for i in 0..count {
             pairs.extend((i + 1..count.min(i + 1 + reach)).map(|j| (i, j)));
@@ -134,15 +140,19 @@ impl Tracks {
                 pairs.push((0, count - 1));
             }
         }
-        let found = self.matches_of(&pairs, MAX_MATCHES);
-        self.finish(found, neighbours_only, None)
+        pairs
     }
 
-    /// The pairs of a list.
-    pub(crate) fn listed(mut self, list: Vec<(usize, usize)>) -> Result<PointPairs, String> {
+    /// The pairs of a list, and those near beside them.
+    pub(crate) fn listed(mut self, list: Vec<(usize, usize)>, all_pairs_limit: usize) -> Result<PointPairs, String> {
         // The order of the images, as `near` has it.
         let mut ordered: Vec<(usize, usize)> = list.iter().map(|(i, j)| (*i.min(j), *i.max(j))).collect();
+        if ordered.iter().all(|&(i, j)| self.common(i, j).next().is_none()) {
+            return self.finish((Vec::new(), None), false, Some(list));
+        }
+        ordered.extend(self.near_pairs(all_pairs_limit));
         ordered.sort_unstable();
+        ordered.dedup();
         let found = self.matches_of(&ordered, MAX_MATCHES);
         self.finish(found, false, Some(list))
     }

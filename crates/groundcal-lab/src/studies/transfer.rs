@@ -12,7 +12,7 @@ use groundcal::synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, c
 use groundcal::{
     geometry::Frame,
     pairs::{HomographyEstimate, gold_standard_homography},
-    start::{Constraint, transferred_camera, unweighted_camera},
+    start::{Constraint, calibrate_transferred, unweighted_camera},
 };
 
 /// Turn of the motion that is transferred where that of the others is varied, degrees.
@@ -126,7 +126,7 @@ pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 4] {
         }
         Method::OneTransferred => {
             let others = fit(&links.pairs())?;
-            let found = transferred_camera(own.as_ref()?.first()?, &others, Constraint::ZeroSkew, 1.0).ok()?;
+            let found = calibrate_transferred(own.as_ref()?.first()?, &others, Constraint::ZeroSkew, 1.0).ok()?;
             relative(found.intrinsics.fx)
         }
         Method::Groundcal => relative(groundcal(&pairs, &condition, seed).ok()?.0.fx),

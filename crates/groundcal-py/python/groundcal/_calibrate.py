@@ -162,7 +162,7 @@ def calibrate(
     mask: Path | npt.NDArray[Any] | Sequence[npt.NDArray[Any]] | None = None,
     motion: Literal["auto", "plane-normal", "turning", "general"] = "auto",
     constraint: Constraint = "auto",
-    method: Literal["joint", "linear", "kzr", "rotating"] = "joint",
+    method: Literal["joint", "linear", "kzr", "transferred", "rotating"] = "joint",
     homographies: Literal["linear", "nonlinear"] | None = None,
     radial: Literal["per-pair", "closed-form"] | None = None,
     lens: Lens = "k1k2",
@@ -211,7 +211,8 @@ def calibrate(
         constraint: What is assumed of the camera matrix: ``"auto"`` (priors), ``"full"``, ``"zero-skew"``, ``"square"``,
             ``"fixed-pp"``, ``"focal"``.
         method: ``"joint"``, ``"linear"`` (the paper's closed form, weighted and polished, with patches and the lens), ``"kzr"`` (the
-            paper's as published: no weights, no lens), ``"rotating"`` (a pan-tilt camera on the spot).
+            paper's as published: no weights, no lens), ``"transferred"`` (one motion carried into other views of its plane),
+            ``"rotating"`` (a pan-tilt camera on the spot).
         homographies: How those of ``"kzr"`` are fitted: ``"nonlinear"`` (the default) or ``"linear"``.
         radial: How ``"kzr"`` corrects a radial distortion of one parameter, in each pair by itself: ``"per-pair"`` (minimised with the
             homography) or ``"closed-form"`` (biased by noise); by default not at all.

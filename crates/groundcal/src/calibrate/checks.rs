@@ -74,8 +74,12 @@ pub(super) fn doubts(
     warnings.extend(uncertain_lens(solved, lens));
     warnings.extend(static_backgrounds(pairs, names));
     warnings.extend(left_out(solved, pairs, names));
-    warnings.extend((solved.used.len() == 1).then_some(Warning::SingleMotion));
-    warnings.extend(alike_attitudes(solved, attitudes, stages));
+    // Views of no motion that see its floor, at attitudes of their own, check it and tell the principal point.
+    let linked = solved.joint.as_ref().is_some_and(|joint| !joint.cross_links.is_empty()) || !solved.links.is_empty();
+    warnings.extend((solved.used.len() == 1 && !linked).then_some(Warning::SingleMotion));
+    if attitudes.len() > 1 || !linked {
+        warnings.extend(alike_attitudes(solved, attitudes, stages));
+    }
     warnings.extend(disagreement(solved));
     warnings.extend(deciding_priors(solved));
     let solution = &solved.solution;

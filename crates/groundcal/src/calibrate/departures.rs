@@ -9,7 +9,7 @@
 //! ([`crate::refine::Bundle`]) is for it by [`RELEASE_ODDS`](super::prior_conflicts), in which its freedom has its price.
 
 use crate::{
-    calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
+    calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions, RowTurn},
     error::Error,
     refine::{DepartureKind, blocks::MATRIX},
     result::{PictureDeparture, Warning},
@@ -25,12 +25,31 @@ pub(super) fn departing(refined: &Refined, kind: DepartureKind) -> Option<Refine
     // A lens or attitudes that are held because that was asked for may be wrong, and pictures that depart could hide it.
     let asked = &refined.options.bundle;
     let held = asked.attitude_sigma_rad.is_some() || !asked.cameras[0].is_free(MATRIX);
-    if !suspect || held || asked.departures.contains(&kind) {
+    if !suspect
+        || held
+        || asked.departures.contains(&kind)
+        || (kind == DepartureKind::RowTurn && refined.row_turn.is_some())
+    {
         return None;
     }
     let mut options = refined.options.clone();
     options.bundle.departures.push(kind);
     Some(options)
+}
+
+/// The options with each kind of departure where views moved in any way before a plane: what they promise is looked at there, and none is taken, since
+/// one account of what was seen beside that is one too many.
+pub(super) fn unasked_departures(refined: &Refined) -> Vec<(DepartureKind, RefinementOptions)> {
+    let asked = &refined.options.bundle;
+    if asked.attitude_sigma_rad != Some(f64::INFINITY) || !asked.cameras[0].is_free(MATRIX) {
+        return Vec::new();
+    }
+    let with = |kind: DepartureKind| {
+        let mut options = refined.options.clone();
+        options.bundle.departures.push(kind);
+        (kind, options)
+    };
+    DepartureKind::ALL.into_iter().map(with).collect()
 }
 
 /// The refinement with a kind of departure ([`departing`]), where the tracks ask for it; with it twice the logarithm of the odds.
@@ -51,7 +70,7 @@ pub(super) fn with_departure(
     }))
 }
 
-/// What is said of the departures found.
+/// What is said of the departures found, and of what the images leave open.
 pub(super) fn departures_found(refined: &Refined) -> Vec<Warning> {
     let scale_px = refined.options.frame.scale_px;
     let found = |&(kind, twice_log_odds): &(DepartureKind, f64)| {
@@ -64,5 +83,10 @@ pub(super) fn departures_found(refined: &Refined) -> Vec<Warning> {
         };
         Warning::PicturesDepart { departure, sigma, twice_log_odds }
     };
-    refined.departures.iter().map(found).collect()
+    let of_all = refined.row_turn.map(|RowTurn { turn_rad, twice_log_odds }| Warning::PicturesDepart {
+        departure: PictureDeparture::RowTurn,
+        sigma: 2.0 * turn_rad.abs().to_degrees(),
+        twice_log_odds,
+    });
+    refined.departures.iter().map(found).chain(of_all).chain(refined.open_assumption.clone()).collect()
 }

@@ -23,6 +23,7 @@ use crate::{
         solved::Solved,
         source::{GivenPairs, Source},
         stage_options::StageOptions,
+        transferred::solve_transferred,
         turning::{rotations_explain, solve_turning},
     },
     error::Error,
@@ -112,8 +113,8 @@ fn reported(
     let Found { pairs, lens, selection, warnings, .. } = found;
     let calibration = assemble(solved, &selection, &pairs, &lens, Names(names), stages, warnings);
     one_account_at_most(&calibration)?;
-    let unordered = images.is_some() && stages.options.pairs.is_none();
-    Ok(if unordered { in_order_of_images(calibration, &pairs) } else { calibration })
+    let first = stages.plane_normal.named.unwrap_or(0);
+    Ok(if images.is_some() { in_order_of_images(calibration, &pairs, first) } else { calibration })
 }
 
 /// The camera of the motions selected first: plane-normal ones, or those of a camera turning on the spot.
@@ -206,8 +207,8 @@ fn looked_at_again(
     let mut found = given_lens_through_its_camera(found, stages, observer)?;
     if let (Some(images), Some(patches)) = (images, &stages.patches) {
         let used = found.selection.used();
-        // The joint refinement alone has a use for them.
-        let has_links = found.selection.kind == MotionKind::PlaneNormal && stages.options.method == Method::Joint;
+        let has_links = found.selection.kind == MotionKind::PlaneNormal
+            && matches!(stages.options.method, Method::Joint | Method::Transferred);
         let links = if has_links { likely_links(&found.pairs, &used) } else { Vec::new() };
         let lens = found.lens.lens();
         found.pairs = match_by_patches(found.pairs, [&used, &links], images, lens, patches, observer)?;
@@ -275,8 +276,8 @@ fn select_motions(
     let plane_normal = select_plane_normal(pairs, &stages.plane_normal, observer);
     observer.go_on()?;
     let plane_normal_only = stages.options.motion == MotionModel::PlaneNormal;
-    let closed_form = matches!(stages.options.method, Method::Linear | Method::Kzr);
-    if stages.plane_normal.named || plane_normal_only || closed_form {
+    let closed_form = matches!(stages.options.method, Method::Linear | Method::Kzr | Method::Transferred);
+    if stages.plane_normal.named.is_some() || plane_normal_only || closed_form {
         return plane_normal;
     }
     if let Some(turning) = find_turning(pairs, &stages.rotations)
@@ -393,6 +394,7 @@ fn solve(found: &Found, stages: &StageOptions<'_>, observer: &dyn Observer) -> R
         }
         // Its selection knows plane-normal motions alone.
         (Method::Kzr, _) => solve_published(pairs, selection, lens, stages, observer)?,
+        (Method::Transferred, _) => solve_transferred(pairs, selection, lens, stages, observer)?,
         (Method::Joint | Method::Linear, MotionKind::General) => solve_general(pairs, lens, stages, observer)?,
         (Method::Joint | Method::Linear, MotionKind::Turning { focal_px }) => {
             solve_turning(pairs, selection, focal_px, lens, stages, observer)?

@@ -14,7 +14,7 @@ use crate::{
     calibrate::{
         joint::JointSolution,
         options::{LensModel, Method},
-        prior_conflicts::release_contradicted_priors,
+        prior_conflicts::{allow_for_open_alternatives, release_contradicted_priors},
         refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted, shown_by_all},
         setup::{Setup, starting_camera},
         solved::Solved,
@@ -92,7 +92,8 @@ pub(super) fn solve_general(
         observer,
     )?;
     let refined = input.refined(joint, solution_of(&best, stages), options);
-    let refined = release_contradicted_priors(&input, refined)?;
+    let mut refined = release_contradicted_priors(&input, refined)?;
+    allow_for_open_alternatives(&mut refined);
     check_spread(&refined.joint.bundle.state, stages)?;
     check_soundness(&refined.joint, stages.size)?;
     check_one_plane(&refined.joint)?;
@@ -120,6 +121,7 @@ pub(super) fn solve_general(
         rotations_rad: Some(rotations(&joint, &input)),
         joint: Some(joint),
         used: input.used,
+        links: Vec::new(),
         selection: Some(selection),
         amplification: None,
         warnings,

@@ -49,6 +49,8 @@ pub(super) struct JointSolution {
     covariance_px: DMatrix<f64>,
     /// Derivative of the same by the camera's numbers of the refinement.
     by_camera: DMatrix<f64>,
+    /// What the covariance of the camera's numbers has beside that of the refinement.
+    allowed: DMatrix<f64>,
 }
 
 impl JointSolution {
@@ -67,6 +69,7 @@ impl JointSolution {
             lens: camera.state.lens,
             covariance_px: &jacobian * &camera.covariance * jacobian.transpose(),
             by_camera: jacobian,
+            allowed: DMatrix::zeros(camera.state.count(), camera.state.count()),
             views,
             cross_links: Vec::new(),
             floors: SharedFloors::default(),
@@ -74,6 +77,13 @@ impl JointSolution {
             tracks,
             bundle,
         }
+    }
+
+    /// Adds to the covariance of the camera's numbers what else is not known of them.
+    pub(super) fn allow(&mut self, added: &DMatrix<f64>) {
+        self.bundle.allow(added);
+        self.allowed += added;
+        self.covariance_px = &self.by_camera * &self.bundle.cameras[0].covariance * self.by_camera.transpose();
     }
 
     /// A covariance with the camera's numbers in pixels.
@@ -163,7 +173,8 @@ impl JointSolution {
     pub(super) fn prior_conflict(&self, unknowns: &CameraUnknowns, number: usize) -> Option<f64> {
         let (mean, sigma) = unknowns.prior(number)?;
         let camera = &self.bundle.cameras[0];
-        let left = sigma * sigma - camera.covariance[(number, number)] / self.bundle.widened;
+        let variance = camera.covariance[(number, number)] - self.allowed[(number, number)];
+        let left = sigma * sigma - variance / self.bundle.widened;
         let moved = (camera.state.numbers()[number] - mean).abs();
         (left > MIN_VARIANCE_REDUCTION * sigma * sigma).then(|| moved / left.sqrt())
     }

@@ -27,6 +27,7 @@ mod published;
 mod refinement;
 mod refinement_input;
 mod rotating;
+mod row_turn;
 mod setup;
 mod solved;
 mod soundness;
@@ -34,6 +35,7 @@ mod source;
 mod stage_options;
 #[cfg(test)]
 mod tests;
+mod transferred;
 mod turning;
 mod views;
 
@@ -91,7 +93,7 @@ pub fn calibrate_images(
     }
     let first = with(&options.features.coarse());
     let suffices =
-        |answer: &Calibration| is_carried_by_patches(answer) && answer.views.len() == prepared.images_compared();
+        |answer: &Calibration| is_carried_by_patches(answer) && answer.views.len() >= prepared.images_expected();
     if matches!(first, Err(Error::Stopped)) || first.as_ref().is_ok_and(suffices) {
         return first;
     }

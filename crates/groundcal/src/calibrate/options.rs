@@ -151,7 +151,8 @@ pub struct Options {
     /// Relative standard deviation of each view's height over the floor from that of the others of its attitude. 0: constant
     /// height; 0.3 and more: free. `None`: estimated. The linear method takes heights as free.
     pub height_sigma: Option<f64>,
-    /// Pairs of image indices known to be plane-normal motions; `None`: found.
+    /// Pairs of image indices known to be plane-normal motions; `None`: found. The joint method uses what other pairs there are as links
+    /// between views of the same floor, and images outside of the pairs named as further views.
     pub pairs: Option<Vec<(usize, usize)>>,
     /// Up to this many images all pairs are compared, beyond it neighbours.
     pub all_pairs_limit: usize,
@@ -225,6 +226,13 @@ impl Options {
     /// Whether the floor of motions seen in images is matched again patch by patch: the published method does not.
     pub(super) fn has_patches(&self) -> bool {
         self.match_patches && self.method != Method::Kzr
+    }
+
+    /// Whether pairs beside those named have a use: the joint refinement of plane-normal motions links views by them, and a motion is
+    /// transferred by them.
+    pub(super) fn has_links_beside_named_pairs(&self) -> bool {
+        matches!(self.method, Method::Joint | Method::Transferred)
+            && matches!(self.motion, MotionModel::Auto | MotionModel::PlaneNormal)
     }
 
     /// Checks every option once.

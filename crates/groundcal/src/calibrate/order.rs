@@ -32,19 +32,20 @@ pub(super) fn by_content(pairs: &[(usize, usize)], keys: &[u64]) -> Vec<(usize, 
     ordered
 }
 
-/// The same calibration with its pairs leading from the earlier image to the later, in that order.
-pub(super) fn in_order_of_images(calibration: Calibration, pairs: &[PairObservation]) -> Calibration {
+/// The same calibration with its pairs leading from the earlier image to the later, in that order; the `first` ones, which the user names,
+/// stay as they are.
+pub(super) fn in_order_of_images(calibration: Calibration, pairs: &[PairObservation], first: usize) -> Calibration {
     let mut order: Vec<usize> = (0..pairs.len()).collect();
     let images = |i: usize| {
         let [a, b] = pairs[i].images();
         (a.min(b), a.max(b))
     };
-    order.sort_by_key(|&i| images(i));
+    order[first.min(pairs.len())..].sort_by_key(|&i| images(i));
     let mut place = vec![0; pairs.len()];
     order.iter().enumerate().for_each(|(to, &from)| place[from] = to);
     let mut calibration = calibration;
     let lens = calibration.evidence.lens;
-    let backwards = |i: usize| pairs[i].from > pairs[i].to;
+    let backwards = |i: usize| i >= first && pairs[i].from > pairs[i].to;
     let motions = std::mem::take(&mut calibration.motions);
     let evidence = std::mem::take(&mut calibration.evidence.pairs);
     let motions: Vec<MotionReport> =

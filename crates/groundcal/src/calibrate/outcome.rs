@@ -131,7 +131,7 @@ fn camera_report(
         camera_height_m: None,
         camera_height_sigma_m: None,
         scene: match (solved.method, over_floor) {
-            (Method::Linear | Method::Kzr, _) => None,
+            (Method::Linear | Method::Kzr | Method::Transferred, _) => None,
             (Method::Joint, Some(_)) => Some(Scene::Floor),
             (Method::Joint, None) | (Method::Rotating, _) => Some(Scene::Directions),
         },
@@ -256,7 +256,7 @@ fn motion_reports(
     stages: &StageOptions<'_>,
 ) -> Vec<MotionReport> {
     let s = &solved.solution;
-    let cross_links = solved.joint.as_ref().map_or(&[][..], |joint| &joint.cross_links);
+    let cross_links = solved.joint.as_ref().map_or(&solved.links, |joint| &joint.cross_links);
     let report = |pair: &PairObservation| {
         let member = solved.used.iter().position(|id| *id == pair.id);
         let attitude = member.and_then(|m| s.groups.iter().position(|g| g.members.contains(&m)));
@@ -328,6 +328,8 @@ fn why_not_used(
                 .to_string()
         }
         Rejection::NoRotation => "not explained by a camera that turns on the spot, as the others are".to_string(),
+        Rejection::OneMotionOnly => "not needed: the method transfers the one motion of most matches".to_string(),
+        Rejection::NotNamed => "not one of the pairs named: at most a link between views".to_string(),
         Rejection::Redundant => "not needed: pairs of more matches join its images".to_string(),
         Rejection::OtherPlane => "its points are not of the plane that the other pairs show".to_string(),
         Rejection::Unconnected => "no common plane joins its images with the others".to_string(),

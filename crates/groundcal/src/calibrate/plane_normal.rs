@@ -95,6 +95,7 @@ pub(super) fn solve_plane_normal(
         solution,
         joint,
         used,
+        links: Vec::new(),
         selection: left,
         lens_share,
         rotations_rad,

@@ -8,15 +8,18 @@
 //! Were the prior right, the evidence without it would exceed the evidence with it K times with a probability of at most 1 / K (the
 //! mean of the ratio over data of the narrower model is 1: Markov's inequality).
 
+use nalgebra::DMatrix;
+
 use crate::{
-    calibrate::departures::{departing, with_departure},
+    calibrate::departures::{departing, unasked_departures, with_departure},
     calibrate::fisheye::with_fisheye,
     calibrate::outlier_frames::with_outlier_frame,
     calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
+    calibrate::row_turn::with_row_turn,
     error::Error,
     geometry::{constraint::Constraint, parameters::PriorParameter},
-    refine::{BundleOptions, DepartureKind, State},
-    result::PriorConflict,
+    refine::{BundleOptions, DepartureKind, State, blocks::MATRIX, prospect::Prospect},
+    result::{PriorConflict, Warning},
     start::linear_camera::{GivenPrior, solve_camera_until},
 };
 
@@ -59,21 +62,85 @@ const DECENTRING: usize = 7;
 /// [`Error::Stopped`] and no other: where nothing better is found the refinement stands.
 pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refined: Refined) -> Result<Refined, Error> {
     let asked = refined.options.bundle.clone();
-    let mut changed = false;
+    let (mut changed, mut open) = (false, Vec::new());
     for _ in 0..MAX_RELEASED {
         match best_alternative(input, &refined)? {
-            Some(without) => (refined, changed) = (without, true),
-            None => break,
+            (Some(without), _) => (refined, changed) = (without, true),
+            (None, prospects) => {
+                open = prospects;
+                break;
+            }
         }
     }
     if !changed {
-        return Ok(refined);
+        return Ok(Refined { open, ..refined });
     }
     // What was tried roughly and found better is now done with all care.
     let mut options = refined.options.clone();
     options.bundle = options.bundle.with_thoroughness_of(&asked);
     let starts = vec![refined.joint.bundle.state.clone()];
-    input.refined_again(&refined, refined.solution.clone(), options, starts)
+    let again = input.refined_again(&refined, refined.solution.clone(), options, starts)?;
+    Ok(Refined { open, ..again })
+}
+
+/// Odds beforehand against each alternative: that one scene in ten departs from the model in one of eight ways.
+const ODDS_AGAINST: f64 = 80.0;
+/// Weight up to which an alternative is passed over: of answers a fraction of one in 400 may be wrong by more than the error bars say.
+const NEGLIGIBLE_WEIGHT: f64 = 0.0025;
+/// Factor on an error bar from which on it is said why. (Of 240 well-specified scenes 3 % have more.)
+const WORTH_SAYING: f64 = 1.5;
+
+/// Adds to the error bars what the alternatives that were not taken have against them: the second moment about the answer of a mixture, in which
+/// each has the weight that the evidence gives it (Hoeting et al. 1999, *Bayesian model averaging*).
+///
+/// ```text
+/// C' = C + sum_k w_k (C_k + d_k d_kT),      w_k = E_k / (E_k + 80 E)
+/// ```
+pub(super) fn allow_for_open_alternatives(refined: &mut Refined) {
+    let covariance = &refined.joint.bundle.cameras[0].covariance;
+    let (numbers, _) = covariance.shape();
+    let mut added = DMatrix::zeros(numbers, numbers);
+    let turn = refined.joint.bundle.row_turn_of_all();
+    let of_turn = turn.iter().filter(|_| refined.row_turn.is_none());
+    let of_turn = of_turn.map(|turn| (Alternative::Departing(DepartureKind::RowTurn).assumption(), &turn.prospect));
+    let mut most: Option<(f64, &'static str, &Prospect)> = None;
+    for (assumption, prospect) in refined.open.iter().map(|(assumption, p)| (*assumption, p)).chain(of_turn) {
+        let weight = 1.0 / (1.0 + ODDS_AGAINST * (-0.5 * prospect.gain).exp());
+        if weight < NEGLIGIBLE_WEIGHT || prospect.step.len() != numbers {
+            continue;
+        }
+        let of_it = (&prospect.covariance + &prospect.step * prospect.step.transpose()) * weight;
+        let share = widening(covariance, &of_it);
+        added += of_it;
+        if most.is_none_or(|(other, ..)| share > other) {
+            most = Some((share, assumption, prospect));
+        }
+    }
+    let widened = widening(covariance, &added);
+    let open_assumption =
+        most.filter(|_| widened > WORTH_SAYING).map(|(_, assumption, prospect)| Warning::AssumptionOpen {
+            assumption: assumption.into(),
+            twice_log_odds: prospect.gain,
+            fx_percent: 100.0 * prospect.step[0].exp_m1(),
+            widened,
+        });
+    // A turn that was found is held there.
+    if let (Some(_), Some(turn)) = (refined.row_turn, &turn) {
+        added += &turn.moved_by * turn.moved_by.transpose() * turn.variance;
+    }
+    // What is held has no error bar.
+    for held in (0..numbers).filter(|&number| covariance[(number, number)] == 0.0) {
+        added.row_mut(held).fill(0.0);
+        added.column_mut(held).fill(0.0);
+    }
+    refined.joint.allow(&added);
+    refined.open_assumption = open_assumption;
+}
+
+/// By how much the error bars of focal lengths and principal point are wider with what is added to their covariance, at most.
+fn widening(covariance: &DMatrix<f64>, added: &DMatrix<f64>) -> f64 {
+    let estimated = (0..MATRIX).filter(|&number| covariance[(number, number)] > 0.0);
+    estimated.map(|n| (1.0 + added[(n, n)] / covariance[(n, n)]).sqrt()).fold(1.0, f64::max)
 }
 
 /// What may be wrong of a refinement, and how it is tried.
@@ -85,11 +152,31 @@ enum Alternative {
     Departing(DepartureKind),
 }
 
+impl Alternative {
+    /// What is assumed without it.
+    fn assumption(self) -> &'static str {
+        match self {
+            Self::Without([ASPECT]) => "pixels are square",
+            Self::Without([SKEW]) => "pixels have no skew",
+            Self::Without([2, 3]) => "the principal point is near the middle",
+            Self::Without([5, 6]) => "the lens bends no more than lenses do",
+            Self::Without(_) => "the lens is centred as well as lenses are",
+            Self::Departing(DepartureKind::Focal) => "all pictures have one focal length",
+            Self::Departing(DepartureKind::RowTurn) => "the camera stood still while each picture was read out",
+            Self::Departing(DepartureKind::Shift) => "no picture is shifted against the others",
+        }
+    }
+}
+
 /// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
 const DECISIVE_GAIN: f64 = 100.0;
 
 /// The best refinement of those with one assumption less; `None`: none is better. Those that promise most are tried first.
-fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Option<Refined>, Error> {
+/// With it what all promise.
+fn best_alternative(
+    input: &RefinementInput<'_>,
+    refined: &Refined,
+) -> Result<(Option<Refined>, Vec<(&'static str, Prospect)>), Error> {
     let mut best: Option<(f64, Refined)> = None;
     let needed = 2.0 * RELEASE_ODDS.ln();
     let offer = |best: &mut Option<(f64, Refined)>, found: Option<(f64, Refined)>| {
@@ -101,10 +188,12 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Op
     };
     offer(&mut best, with_fisheye(input, refined, needed)?);
     offer(&mut best, with_outlier_frame(input, refined, needed)?);
+    offer(&mut best, with_row_turn(input, refined, needed)?);
     // A fisheye has no decentring.
     let releases = RELEASES.into_iter().filter(|numbers| numbers[0] < DECENTRING || refined.fisheye.is_none());
     let departures = DepartureKind::ALL.into_iter().map(Alternative::Departing);
     let mut promising: Vec<(f64, Alternative, RefinementOptions)> = Vec::new();
+    let mut prospects = Vec::new();
     for alternative in releases.map(Alternative::Without).chain(departures) {
         input.observer.go_on()?;
         let options = match alternative {
@@ -113,13 +202,18 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Op
         };
         let Some(options) = options else { continue };
         let prospect = refined.prospect(&options);
+        let gain = prospect.as_ref().map_or(f64::INFINITY, |prospect| prospect.gain);
+        prospects.extend(prospect.map(|prospect| (alternative.assumption(), prospect)));
         let asked =
             matches!(alternative, Alternative::Without(numbers) if distance_of(refined, numbers) > MIN_CONFLICT_SIGMAS);
-        if asked || prospect > 0.0 || !refined.is_nearly_linear() {
-            promising.push((prospect, alternative, options));
+        if asked || gain > 0.0 || !refined.is_nearly_linear() {
+            promising.push((gain, alternative, options));
         }
     }
     promising.sort_by(|a, b| b.0.total_cmp(&a.0));
+    for (kind, options) in unasked_departures(refined) {
+        prospects.extend(refined.prospect(&options).map(|p| (Alternative::Departing(kind).assumption(), p)));
+    }
     for (prospect, alternative, options) in promising {
         if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + DECISIVE_GAIN) {
             break;
@@ -130,7 +224,7 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<Op
         };
         offer(&mut best, found);
     }
-    Ok(best.map(|(_, other)| other))
+    Ok((best.map(|(_, other)| other), prospects))
 }
 
 /// The greatest distance between the priors of some numbers and what the data say of them.

@@ -11,7 +11,6 @@ use crate::{
         stage_options::StageOptions,
     },
     error::Error,
-    geometry::constraint::Constraint,
     numerics::{linalg::ComplexPoint, statistics::chi_squared_survival},
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
@@ -48,10 +47,11 @@ pub(super) fn solve_published(
     let warnings = unmodelled_distortion(pairs, lens, &solution.intrinsics, through)?.into_iter().collect();
     Ok(Solved {
         method: Method::Kzr,
-        constraint: constraint_in_force(stages),
+        constraint: stages.constraint_without_priors(),
         solution,
         joint: None,
         used,
+        links: Vec::new(),
         selection: None,
         lens_share: 0.0,
         rotations_rad: None,
@@ -60,16 +60,8 @@ pub(super) fn solve_published(
     })
 }
 
-/// There are no priors: `auto` stands for zero skew.
-fn constraint_in_force(stages: &StageOptions<'_>) -> Constraint {
-    match stages.options.constraint {
-        Constraint::Auto => Constraint::ZeroSkew,
-        other => other,
-    }
-}
-
 fn camera(motions: &[Motion], stages: &StageOptions<'_>, observer: &dyn Observer) -> Result<CameraSolution, Error> {
-    let (frame, constraint) = (&stages.frame, constraint_in_force(stages));
+    let (frame, constraint) = (&stages.frame, stages.constraint_without_priors());
     let (aspect, attitude_sigma_rad) = (stages.camera.aspect, stages.camera.attitude_sigma_rad);
     let bare: Vec<ComplexPoint> = motions.iter().map(|m| m.geometry.circular_point.point).collect();
     let k = intrinsics_of(&solve_unweighted(&bare, constraint, aspect)?);

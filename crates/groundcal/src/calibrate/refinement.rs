@@ -10,7 +10,7 @@ use nalgebra::Matrix3;
 use crate::{
     calibrate::{
         joint::{JointSolution, SharedFloors},
-        prior_conflicts::release_contradicted_priors,
+        prior_conflicts::{allow_for_open_alternatives, release_contradicted_priors},
         refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted},
         setup::{Setup, starting_camera},
         views::Views,
@@ -47,8 +47,8 @@ pub(super) enum Starts {
 /// Matches that link views of different attitudes, how far their homography may be from one of the floor (radians and relative
 /// lengths), how many links a view has at most, and by how much they may raise the variance of the residuals of patches and of
 /// points.
-const MIN_LINK_MATCHES: usize = 20;
-const MAX_LINK_MISFIT: f64 = 0.03;
+pub(super) const MIN_LINK_MATCHES: usize = 20;
+pub(super) const MAX_LINK_MISFIT: f64 = 0.03;
 const LINKS_PER_VIEW: usize = 2;
 const MAX_LINK_VARIANCE: f64 = 1.3;
 const MAX_LINK_POINT_VARIANCE: f64 = 3.0;
@@ -86,12 +86,15 @@ pub(super) fn refine_motions(
     let joint = adjusted(input.scene, input.setup.clone(), input.views.clone(), states, options, observer)?;
     let refined = input.refined(joint, solution.clone(), options.clone());
     let refined = release_contradicted_priors(&input, refined)?;
-    if input.scene == SceneModel::Directions {
-        return Ok(Some(refined));
-    }
-    let linked = with_cross_links(&input, refined)?;
-    // With more that is seen, more may be contradicted.
-    release_contradicted_priors(&input, linked).map(Some)
+    let mut refined = if input.scene == SceneModel::Directions {
+        refined
+    } else {
+        let linked = with_cross_links(&input, refined)?;
+        // With more that is seen, more may be contradicted.
+        release_contradicted_priors(&input, linked)?
+    };
+    allow_for_open_alternatives(&mut refined);
+    Ok(Some(refined))
 }
 
 /// The closed form under the constraints that are tried when that asked for leads nowhere.
@@ -146,7 +149,8 @@ fn linked(
     };
     let Some(groups) = (0..views.len()).map(group_of).collect::<Option<Vec<usize>>>() else { return Ok(None) };
     let (scene, camera) = (joint.bundle.scene, state.cameras[0]);
-    let start = state_from_links(scene, camera, &joint.intrinsics, &attitudes, &groups, &setup.links);
+    let start = state_from_links(scene, camera, &joint.intrinsics, &attitudes, &groups, &setup.links)
+        .map(|state| refined.as_read_out(state));
     let mut linked = match adjusted(scene, setup, views, start.into_iter().collect(), options, input.observer) {
         Ok(linked) => linked,
         Err(Error::Stopped) => return Err(Error::Stopped),

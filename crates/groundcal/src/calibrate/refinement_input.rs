@@ -17,10 +17,11 @@ use crate::{
     refine::{
         BundleOptions, DepartureKind, SceneModel, State, Track,
         adjust::adjust_until,
+        prospect::Prospect,
         start::{shown_by, state_from_links},
     },
     remedy::Remedy,
-    result::PriorConflict,
+    result::{PriorConflict, Warning},
     select::{
         attitude_groups::{AttitudeGroup, Motion},
         selection::Selection,
@@ -46,6 +47,15 @@ pub(super) struct RefinementOptions {
 /// Variance of the residuals under rotations, in units of the matching noise, that no real lens and distant scene come near.
 const MAX_ROTATION_VARIANCE: f64 = 100.0;
 
+/// A turn of the camera while each picture is read out, the same for all of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct RowTurn {
+    /// From the middle row to the last, about the plane's normal, radians.
+    pub(super) turn_rad: f64,
+    /// Twice the logarithm of the odds for it.
+    pub(super) twice_log_odds: f64,
+}
+
 /// A refinement with what it was made from.
 pub(super) struct Refined {
     pub(super) joint: JointSolution,
@@ -59,6 +69,12 @@ pub(super) struct Refined {
     pub(super) departures: Vec<(DepartureKind, f64)>,
     /// Twice the logarithm of the odds for a fisheye's lens, where that was found.
     pub(super) fisheye: Option<f64>,
+    /// A turn while each picture is read out that is the same for all, where that was found.
+    pub(super) row_turn: Option<RowTurn>,
+    /// What the alternatives promise that were looked at and not taken, with what was assumed instead.
+    pub(super) open: Vec<(&'static str, Prospect)>,
+    /// That of them for which the error bars are wider.
+    pub(super) open_assumption: Option<Warning>,
 }
 
 /// Standard deviation of attitudes, radians, from which on it is asked what else may have caused their errors: a camera that stands still has attitude errors of a
@@ -68,6 +84,14 @@ const SUSPECT_ATTITUDE_SIGMA: f64 = 5e-4;
 const MAX_LINEAR_DESIGN_EFFECT: f64 = 5.0;
 
 impl Refined {
+    /// A start whose pictures turned while they were read out as these did.
+    pub(super) fn as_read_out(&self, state: State) -> State {
+        match self.row_turn {
+            Some(RowTurn { turn_rad, .. }) => state.read_out_turning(turn_rad),
+            None => state,
+        }
+    }
+
     /// Whether the attitude errors are larger than those of a camera that stands still.
     pub(super) fn has_attitude_errors(&self) -> bool {
         self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA
@@ -82,10 +106,9 @@ impl Refined {
             && effects.iter().all(|e| *e <= MAX_LINEAR_DESIGN_EFFECT)
     }
 
-    /// What the evidence would gain by an alternative, to first order; infinite where that is not defined.
-    pub(super) fn prospect(&self, options: &RefinementOptions) -> f64 {
-        let gain = self.joint.bundle.prospect(&self.joint.tracks, &options.bundle);
-        gain.filter(|gain| gain.is_finite()).unwrap_or(f64::INFINITY)
+    /// What an alternative promises, to first order; `None` where that is not defined.
+    pub(super) fn prospect(&self, options: &RefinementOptions) -> Option<Prospect> {
+        self.joint.bundle.prospect(&self.joint.tracks, &options.bundle).filter(|prospect| prospect.gain.is_finite())
     }
 
     /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, where that is more than
@@ -173,7 +196,17 @@ impl<'a> RefinementInput<'a> {
         options: RefinementOptions,
     ) -> Refined {
         joint.attitudes = self.attitudes_of(&solution).unwrap_or_default();
-        Refined { joint, solution, options, conflicts: Vec::new(), departures: Vec::new(), fisheye: None }
+        Refined {
+            joint,
+            solution,
+            options,
+            conflicts: Vec::new(),
+            departures: Vec::new(),
+            fisheye: None,
+            row_turn: None,
+            open: Vec::new(),
+            open_assumption: None,
+        }
     }
 
     /// The same as an alternative that is tried: `None` where it comes to nothing.
@@ -221,12 +254,13 @@ impl<'a> RefinementInput<'a> {
     ) -> Result<Refined, Error> {
         let before = &refined.joint;
         let setup = Setup { links: Vec::new(), tracks: before.tracks.clone() };
+        let starts = starts.into_iter().map(|state| refined.as_read_out(state)).collect();
         let joint = adjusted(before.bundle.scene, setup, before.views.clone(), starts, &options, self.observer)?;
         let mut again = self.refined(joint, solution, options);
         (again.joint.cross_links, again.joint.floors) = (before.cross_links.clone(), before.floors);
         again.conflicts.clone_from(&refined.conflicts);
         again.departures.clone_from(&refined.departures);
-        again.fisheye = refined.fisheye;
+        (again.fisheye, again.row_turn) = (refined.fisheye, refined.row_turn);
         Ok(again)
     }
 }

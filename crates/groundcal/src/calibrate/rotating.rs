@@ -74,6 +74,7 @@ pub(super) fn solve_rotating(
         solution,
         joint: None,
         used,
+        links: Vec::new(),
         selection: None,
         lens_share: share_of(&added, &covariance_px),
         rotations_rad: Some(found.rotations.iter().map(|rotation| rotation.angle_rad).collect()),

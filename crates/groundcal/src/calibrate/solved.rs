@@ -22,6 +22,8 @@ pub(super) struct Solved {
     pub(super) joint: Option<JointSolution>,
     /// The pairs used, ascending; members of the solution's groups count in it.
     pub(super) used: Vec<PairId>,
+    /// Pairs that join other views to the motions, where there was no joint refinement to have them.
+    pub(super) links: Vec<PairId>,
     /// Where motions were dropped because no camera could be refined with them: the selection without them.
     pub(super) selection: Option<Selection>,
     /// How much of the deviation of f comes from the lens.

@@ -71,7 +71,9 @@ pub(super) enum GivenPairs {
 pub(super) struct PreparedImages<'a> {
     names: &'a [String],
     images: Cow<'a, [GrayImage]>,
+    /// Those named first.
     pairs: Vec<(usize, usize)>,
+    named: Option<usize>,
     warnings: Vec<Warning>,
 }
 
@@ -89,35 +91,37 @@ pub(super) fn from_images<'a>(
     options.validate(size)?;
     let (images, still) = without_still_parts(images, observer)?;
     let mut warnings: Vec<Warning> = still.into_iter().collect();
-    let pairs = candidate_pairs(images.len(), options)?;
-    if options.pairs.is_none() && images.len() > options.all_pairs_limit {
+    let named = options.pairs.as_deref().map(|pairs| checked_names(pairs, images.len())).transpose()?;
+    if named.is_none() && images.len() > options.all_pairs_limit {
         warnings.push(Warning::NeighboursOnly { images: images.len() });
     }
     let copies = copies(&images);
     warnings.extend(warnings_of(&copies, names));
-    let pairs = if options.pairs.is_some() {
-        pairs
-    } else {
+    let mut pairs = named.map_or(Vec::new(), <[_]>::to_vec);
+    if named.is_none() || options.has_links_beside_named_pairs() {
         // A picture under two names is one picture; where there is no other, matching it says best what is wrong.
-        let all_alike = copies.iter().filter(|c| c.is_none()).count() < 2;
+        let all_alike = named.is_none() && copies.iter().filter(|c| c.is_none()).count() < 2;
         let once = |&(a, b): &(usize, usize)| all_alike || (copies[a].is_none() && copies[b].is_none());
-        let pairs: Vec<(usize, usize)> = pairs.into_iter().filter(once).collect();
+        let known: HashSet<(usize, usize)> = pairs.iter().map(|&(a, b)| (a.min(b), a.max(b))).collect();
+        let others: Vec<(usize, usize)> =
+            candidate_pairs(images.len(), options).into_iter().filter(|p| once(p) && !known.contains(p)).collect();
         if images.len() > options.all_pairs_limit {
-            pairs
+            pairs.extend(others);
         } else {
-            by_content(&pairs, &images.par_iter().map(content_key).collect::<Vec<_>>())
+            pairs.extend(by_content(&others, &images.par_iter().map(content_key).collect::<Vec<_>>()));
         }
-    };
+    }
     if pairs.is_empty() {
         return Err(Error::TooFewImages { found: copies.iter().filter(|c| c.is_none()).count() });
     }
-    Ok(PreparedImages { names, images, pairs, warnings })
+    Ok(PreparedImages { names, images, pairs, named: named.map(<[_]>::len), warnings })
 }
 
 impl<'a> PreparedImages<'a> {
-    /// Images that are compared with others: all but copies.
-    pub(super) fn images_compared(&self) -> usize {
-        self.pairs.iter().flat_map(|&(a, b)| [a, b]).collect::<HashSet<usize>>().len()
+    /// Images that an answer should have a view of: all but copies, or those of the pairs named.
+    pub(super) fn images_expected(&self) -> usize {
+        let pairs = self.pairs.iter().take(self.named.unwrap_or(usize::MAX));
+        pairs.flat_map(|&(a, b)| [a, b]).collect::<HashSet<usize>>().len()
     }
 
     /// Their features and the matches of these.
@@ -135,7 +139,7 @@ impl<'a> PreparedImages<'a> {
             let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
             Ok(ImagePair { from, to, matches })
         })?;
-        of_images(self.names, self.images.clone(), matched, options, self.warnings.clone())
+        of_images(self.names, self.images.clone(), (matched, self.named), options, self.warnings.clone())
     }
 }
 
@@ -153,14 +157,14 @@ pub(super) fn from_matched_images<'a>(
     let size = one_size(names, images)?;
     options.validate(size)?;
     let (images, still) = without_still_parts(images, observer)?;
-    let mut named = named_pairs(names, pairs, options)?;
-    for pair in &mut named {
+    let (mut known, named) = named_first(names, pairs, options)?;
+    for pair in &mut known {
         let used = |image: usize, at: Vector2<f64>| images[image].used_about(at.x, at.y, 0.0) > 0.5;
         let (from, to) = (pair.from, pair.to);
         pair.matches.retain(|m| used(from, m.a) && used(to, m.b));
     }
     let warnings = still.into_iter().chain(warnings_of(&copies(&images), names)).collect();
-    of_images(names, images, named, options, warnings)
+    of_images(names, images, (known, named), options, warnings)
 }
 
 /// The images without what stands still in all of them, which the observer hears of.
@@ -189,9 +193,10 @@ pub(super) fn from_matches<'a>(
     if names.len() < 2 {
         return Err(Error::TooFewImages { found: names.len() });
     }
-    let pairs = named_pairs(names, pairs, options)?;
+    let (pairs, named) = named_first(names, pairs, options)?;
     let traits = SourceTraits {
         size,
+        named,
         min_plane_matches: MIN_MATCHES_ON_PLANE,
         has_images: false,
         has_matches: true,
@@ -241,6 +246,8 @@ pub(super) fn from_homographies<'a>(
     let pairs = homographies.iter().enumerate().map(observation).collect::<Result<_, _>>()?;
     let traits = SourceTraits {
         size,
+        // They are given as motions.
+        named: Some(homographies.len()),
         min_plane_matches: 0,
         has_images: false,
         has_matches: false,
@@ -253,7 +260,7 @@ pub(super) fn from_homographies<'a>(
 fn of_images<'a>(
     names: &'a [String],
     images: Cow<'a, [GrayImage]>,
-    matched: Vec<ImagePair>,
+    (matched, named): (Vec<ImagePair>, Option<usize>),
     options: &Options,
     warnings: Vec<Warning>,
 ) -> Result<Source<'a>, Error> {
@@ -268,6 +275,7 @@ fn of_images<'a>(
     let sequence = images.len() > options.all_pairs_limit;
     let traits = SourceTraits {
         size,
+        named,
         min_plane_matches: MIN_FEATURES_ON_PLANE,
         has_images: true,
         has_matches: true,
@@ -321,23 +329,25 @@ fn warnings_of(copies: &[Option<usize>], names: &[String]) -> Vec<Warning> {
     copies.iter().enumerate().filter_map(warning).collect()
 }
 
-/// The pairs of images to be compared: those named, all of few images, neighbours of many.
-fn candidate_pairs(images: usize, options: &Options) -> Result<Vec<(usize, usize)>, Error> {
-    if let Some(pairs) = &options.pairs {
-        if pairs.is_empty() {
-            return Err(Error::InvalidOption("the list of pairs is empty".into()));
-        }
-        let mut known = HashSet::new();
-        for &(a, b) in pairs {
-            if a >= images || b >= images || a == b {
-                return Err(Error::InvalidOption(format!("pair ({a}, {b}) does not name two of the {images} images")));
-            }
-            if !known.insert((a.min(b), a.max(b))) {
-                return Err(Error::InvalidOption(format!("pair ({a}, {b}) is given twice")));
-            }
-        }
-        return Ok(pairs.clone());
+/// The pairs named, if they name images.
+fn checked_names(pairs: &[(usize, usize)], images: usize) -> Result<&[(usize, usize)], Error> {
+    if pairs.is_empty() {
+        return Err(Error::InvalidOption("the list of pairs is empty".into()));
     }
+    let mut known = HashSet::new();
+    for &(a, b) in pairs {
+        if a >= images || b >= images || a == b {
+            return Err(Error::InvalidOption(format!("pair ({a}, {b}) does not name two of the {images} images")));
+        }
+        if !known.insert((a.min(b), a.max(b))) {
+            return Err(Error::InvalidOption(format!("pair ({a}, {b}) is given twice")));
+        }
+    }
+    Ok(pairs)
+}
+
+/// The pairs of images to be compared: all of few images, neighbours of many.
+fn candidate_pairs(images: usize, options: &Options) -> Vec<(usize, usize)> {
     let all = images <= options.all_pairs_limit;
     let reach = if all { images } else { NEIGHBOURS };
     let mut pairs: Vec<(usize, usize)> =
@@ -346,35 +356,42 @@ fn candidate_pairs(images: usize, options: &Options) -> Result<Vec<(usize, usize
         // A closed turn ends where it began.
         pairs.push((0, images - 1));
     }
-    Ok(pairs)
+    pairs
 }
 
-/// Of given pairs those that the options name, or all.
-fn named_pairs(names: &[String], pairs: &[ImagePair], options: &Options) -> Result<Vec<ImagePair>, Error> {
+/// Given pairs, those that the options name first, and how many these are.
+fn named_first(
+    names: &[String],
+    pairs: &[ImagePair],
+    options: &Options,
+) -> Result<(Vec<ImagePair>, Option<usize>), Error> {
     let index_ok = |p: &ImagePair| p.from < names.len() && p.to < names.len() && p.from != p.to;
     if let Some(bad) = pairs.iter().find(|p| !index_ok(p)) {
         return Err(Error::InvalidInput(format!("a pair ({}, {}) of {} images", bad.from, bad.to, names.len())));
     }
-    let named: Vec<ImagePair> = match &options.pairs {
-        None => pairs.to_vec(),
-        Some(wanted) => {
-            let mut known: HashMap<(usize, usize), &ImagePair> = HashMap::with_capacity(pairs.len());
-            for pair in pairs {
-                known.entry((pair.from.min(pair.to), pair.from.max(pair.to))).or_insert(pair);
-            }
-            let find = |&(a, b): &(usize, usize)| {
-                known.get(&(a.min(b), a.max(b))).copied().cloned().ok_or_else(|| {
-                    let name = |i: usize| names.get(i).map_or("?", String::as_str);
-                    Error::InvalidInput(format!("no matches between {} and {}, which the pairs name", name(a), name(b)))
-                })
-            };
-            wanted.iter().map(find).collect::<Result<_, _>>()?
-        }
-    };
-    if named.is_empty() {
+    if pairs.is_empty() {
         return Err(Error::InvalidInput("no matches at all".into()));
     }
-    Ok(named)
+    let Some(wanted) = &options.pairs else { return Ok((pairs.to_vec(), None)) };
+    let wanted = checked_names(wanted, names.len())?;
+    let of = |a: usize, b: usize| (a.min(b), a.max(b));
+    let mut known: HashMap<(usize, usize), &ImagePair> = HashMap::with_capacity(pairs.len());
+    for pair in pairs {
+        known.entry(of(pair.from, pair.to)).or_insert(pair);
+    }
+    let mut named = Vec::with_capacity(pairs.len());
+    for &(a, b) in wanted {
+        let Some(pair) = known.get(&of(a, b)) else {
+            let [a, b] = [a, b].map(|i| &names[i]);
+            return Err(Error::InvalidInput(format!("no matches between {a} and {b}, which the pairs name")));
+        };
+        named.push((*pair).clone());
+    }
+    if options.has_links_beside_named_pairs() {
+        let is_named: HashSet<(usize, usize)> = wanted.iter().map(|&(a, b)| of(a, b)).collect();
+        named.extend(pairs.iter().filter(|p| !is_named.contains(&of(p.from, p.to))).cloned());
+    }
+    Ok((named, Some(wanted.len())))
 }
 
 /// The pairs with their matches checked and without repetitions.

@@ -49,6 +49,8 @@ pub(super) struct StageOptions<'a> {
 pub(super) struct SourceTraits {
     /// Size of the images.
     pub(super) size: ImageSize,
+    /// How many pairs, the first, are named as the motions; `None`: nobody said which they are.
+    pub(super) named: Option<usize>,
     /// Fewest matches on a plane where the options do not say.
     pub(super) min_plane_matches: usize,
     /// Matches are features of images, which are there to be matched again.
@@ -62,6 +64,14 @@ pub(super) struct SourceTraits {
 }
 
 impl<'a> StageOptions<'a> {
+    /// The constraint in force where there are no priors: `auto` stands for zero skew.
+    pub(super) fn constraint_without_priors(&self) -> Constraint {
+        match self.options.constraint {
+            Constraint::Auto => Constraint::ZeroSkew,
+            other => other,
+        }
+    }
+
     pub(super) fn new(options: &'a Options, source: &SourceTraits) -> Self {
         let size = source.size;
         let frame = options.frame(size);
@@ -69,7 +79,6 @@ impl<'a> StageOptions<'a> {
             if source.has_matches { options.min_plane_matches.unwrap_or(source.min_plane_matches) } else { 0 };
         let aspect = options.aspect.unwrap_or(1.0);
         let middling_camera = options.middling_camera(size);
-        let named = options.pairs.is_some();
         let observe = ObserveOptions {
             frame,
             middling_camera,
@@ -92,8 +101,7 @@ impl<'a> StageOptions<'a> {
                 frame,
                 aspect,
                 attitude_sigma_deg: options.attitude_sigma_deg,
-                // Homographies are given as motions.
-                named: named || !source.has_matches,
+                named: source.named,
                 vouched: options.motion == MotionModel::PlaneNormal || !source.has_matches,
                 sequence: source.sequence,
                 min_matches,
@@ -102,7 +110,7 @@ impl<'a> StageOptions<'a> {
                 size,
                 principal_point_px: options.assumed_principal_point(size),
                 aspect,
-                trusted: named,
+                trusted: options.pairs.is_some(),
                 min_matches,
             },
             general: GeneralOptions {

@@ -89,6 +89,7 @@ pub(super) fn solve_turning(
         lens_share: joint.share_of_lens().sqrt(),
         joint: Some(joint),
         used: selection.used(),
+        links: Vec::new(),
         selection: None,
         rotations_rad: None,
         amplification: None,

@@ -298,11 +298,15 @@ fn of_all_pictures(
     components: &VarianceComponents,
     lever_arm: Option<&LeverArm>,
 ) -> Vec<((usize, usize), f64)> {
-    let [focal, _, shift] = components.departures.map(|c| c.sigma * c.sigma);
     let is_estimated = |number: usize| cameras.first().is_some_and(|c| c.covariance[(number, number)] > 0.0);
-    let departures = [(0, focal), (2, shift), (3, shift)].into_iter().filter(|(number, _)| is_estimated(*number));
-    let of_departures = departures.map(|(number, variance)| ((number, number), variance));
+    let of_departures = of_any_picture(components).into_iter().filter(|((number, _), _)| is_estimated(*number));
     of_departures.chain(lever_arm.map_or(&[][..], LeverArm::added).iter().copied()).collect()
+}
+
+/// How far the pictures depart from each other in focal length and place, as variances of the camera's numbers, by places.
+pub(crate) fn of_any_picture(components: &VarianceComponents) -> [((usize, usize), f64); 3] {
+    let [focal, _, shift] = components.departures.map(|c| c.sigma * c.sigma);
+    [((0, 0), focal), ((2, 2), shift), ((3, 3), shift)]
 }
 
 /// Refuses what would index beyond the cameras, frames and groups there are.

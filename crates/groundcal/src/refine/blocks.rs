@@ -158,6 +158,14 @@ pub(crate) struct Departure {
     pub shift: Vector2<f64>,
 }
 
+impl State {
+    /// The same with one turn while each picture is read out, from the middle row to the last.
+    pub(crate) fn read_out_turning(mut self, turn_rad: f64) -> Self {
+        self.frames.iter_mut().for_each(|frame| frame.departure.row_turn_rad = turn_rad);
+        self
+    }
+}
+
 impl Departure {
     /// The numbers in their order.
     pub(crate) fn numbers(&self) -> [f64; DEPARTURES] {

@@ -10,7 +10,7 @@ use crate::{
         evidence::Evidence,
         lever::LeverArm,
         problem::Problem,
-        prospect::{Explained, prospect},
+        prospect::{Explained, Prospect, RowTurnOfAll, prospect, row_turn_of_all},
         residual::SceneModel,
         tracks::{KINDS, Track},
         variance_components::Component,
@@ -190,8 +190,24 @@ pub(crate) struct Bundle {
 }
 
 impl Bundle {
-    /// What the evidence would gain by an alternative on the same tracks, to first order ([`prospect`]).
-    pub(crate) fn prospect(&self, tracks: &[Track], options: &BundleOptions) -> Option<f64> {
+    /// Adds to the covariance of the first camera, and with it to that of groups and views, what else is not known of its numbers.
+    pub(crate) fn allow(&mut self, added: &DMatrix<f64>) {
+        let of_camera = self.cameras.iter_mut().take(1).map(|camera| &mut camera.covariance);
+        let of_groups = self.groups.iter_mut().map(|group| group.covariance.matrix_mut());
+        let of_views = self.views.iter_mut().flatten().map(|view| view.covariance.matrix_mut());
+        for covariance in of_camera.chain(of_groups).chain(of_views) {
+            let mut block = covariance.view_mut((0, 0), added.shape());
+            block += added;
+        }
+    }
+
+    /// One turn while each picture is read out, as the residuals have it ([`row_turn_of_all`]).
+    pub(crate) fn row_turn_of_all(&self) -> Option<RowTurnOfAll> {
+        row_turn_of_all(&self.problem, &self.state)
+    }
+
+    /// What an alternative promises on the same tracks, to first order ([`prospect`]).
+    pub(crate) fn prospect(&self, tracks: &[Track], options: &BundleOptions) -> Option<Prospect> {
         let at = Explained { state: &self.state, cost: self.cost, volumes: self.evidence?.volumes };
         prospect(&self.problem, at, tracks, options)
     }

@@ -28,6 +28,9 @@ pub enum Method {
     /// The same as published, for comparison: homographies, their eigenvectors, eᵀ ω e = 0 of every motion with weight one, Cholesky. No
     /// weights, no lens, no patches, nothing polished; the constraint `auto` stands for `zero-skew`.
     Kzr,
+    /// One motion transferred, linearly: its circular point carried into other views by homographies of the same plane, however these turned
+    /// (section 2.3 there). The joint refinement uses such views, too.
+    Transferred,
     /// Joint refinement of camera, lens, attitudes, views and points, from there.
     #[default]
     Joint,
@@ -42,6 +45,7 @@ impl Method {
         match self {
             Method::Linear => "linear",
             Method::Kzr => "kzr",
+            Method::Transferred => "transferred",
             Method::Joint => "joint",
             Method::Rotating => "rotating",
         }

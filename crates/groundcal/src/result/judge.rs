@@ -3,6 +3,8 @@
 //! Every reason has a level that it leaves the answer at; that of the answer is the worst. A reason that would stand as often on right
 //! answers as on wrong ones is none.
 
+use std::collections::HashSet;
+
 use crate::{
     error::Error,
     numerics::statistics::chi_squared_survival,
@@ -48,7 +50,8 @@ pub fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
     }
     match &c.fit.refinement {
         Some(r) => {
-            let kinds = [(&r.patches, r.cross_attitude_links > 0), (&r.points, false)];
+            // Views of no motion are linked by points, too.
+            let kinds = [(&r.patches, r.cross_attitude_links > 0), (&r.points, has_free_views(c))];
             for (residuals, linked) in kinds.into_iter().filter_map(|(r, linked)| Some((r.as_ref()?, linked))) {
                 let share = residuals.observations as f64 / r.observations.max(1) as f64;
                 let usual = usual_design_effect(c, linked);
@@ -165,6 +168,7 @@ pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
         Warning::SingleMotion
         | Warning::SingleAttitude { .. }
         | Warning::PriorDecides { .. }
+        | Warning::AssumptionOpen { .. }
         | Warning::DistortionUncertain { .. }
         | Warning::LargeUncertainty { .. } => Some(VerdictLevel::Usable),
         // As often on right answers as on wrong ones, or no doubt about the camera.
@@ -230,6 +234,13 @@ fn of_residuals(r: &ResidualReport, degrees_of_freedom: f64, usual_effect: Optio
     out
 }
 
+/// Whether there are views of no motion, which see its floor.
+fn has_free_views(c: &Calibration) -> bool {
+    let of_motions: HashSet<&str> =
+        c.motions.iter().filter(|m| m.used).flat_map(|m| [m.from.as_str(), m.to.as_str()]).collect();
+    c.scene == Some(Scene::Floor) && c.views.len() > of_motions.len()
+}
+
 /// See [`Verdict::checked`].
 fn is_checked(c: &Calibration) -> bool {
     let used = c.motions.iter().filter(|m| m.used).count();
@@ -238,7 +249,7 @@ fn is_checked(c: &Calibration) -> bool {
         // Turns that close: more pairs than it takes to connect the views.
         Some(Scene::Directions) => views > 0 && used >= views,
         // Of three views one equation is left over.
-        _ if c.motion == Some(MotionKind::General) => views > 3,
+        _ if c.motion == Some(MotionKind::General) || has_free_views(c) => views > 3,
         _ => c.attitudes.len() > 1 || (used > 1 && views > 2),
     }
 }

@@ -122,6 +122,17 @@ pub enum Warning {
         /// Twice the logarithm of the odds of the images with it over those without.
         twice_log_odds: f64,
     },
+    /// Of something that was assumed the images neither show nor exclude that it is otherwise; the error bars have what that would do.
+    AssumptionOpen {
+        /// What was assumed, in words.
+        assumption: String,
+        /// Twice the logarithm of the odds of the images without it over those with it.
+        twice_log_odds: f64,
+        /// By how much fx would be another, per cent.
+        fx_percent: f64,
+        /// By how much the error bars of the camera are wider for all such doubts, at most.
+        widened: f64,
+    },
     /// The lens is a fisheye's, not the one of Brown and Conrady that was assumed.
     FisheyeLens {
         /// Twice the logarithm of the odds of the images with it over those with the other.
@@ -240,6 +251,7 @@ impl Warning {
             Warning::PriorDecides { .. } => "prior_decides",
             Warning::PriorContradicted(_) => "prior_contradicted",
             Warning::PicturesDepart { .. } => "pictures_depart",
+            Warning::AssumptionOpen { .. } => "assumption_open",
             Warning::FisheyeLens { .. } => "fisheye_lens",
             Warning::FocalLengthUnexpected { .. } => "focal_length_unexpected",
             Warning::LensOffAxis { .. } => "lens_off_axis",
@@ -270,6 +282,10 @@ impl Warning {
             }
             Warning::DistortionUncertain { percent, k1_sigma } => format!(
                 "the lens distortion is known to k1 +- {k1_sigma:.4} only, which makes {percent:.1} % of uncertainty in fx"
+            ),
+            Warning::AssumptionOpen { assumption, twice_log_odds, fx_percent, widened } => format!(
+                "assumed: {assumption}. The images do not exclude that it is otherwise (twice the logarithm of the odds {twice_log_odds:+.1}; fx \
+                 would move by {fx_percent:+.2} %): the error bars allow for it, and are up to {widened:.1} times as wide"
             ),
             Warning::SingleMotion => {
                 "one motion only: nothing checks that its axis is normal to the floor (1 degree off moves f by \
@@ -373,6 +389,7 @@ impl Warning {
             Warning::PriorDecides { .. } => vec![Remedy::VaryTiltAndRoll, Remedy::GiveValue],
             Warning::PriorContradicted(_) => vec![Remedy::GiveValue, Remedy::CheckImages],
             Warning::PicturesDepart { .. } => vec![Remedy::CheckImages],
+            Warning::AssumptionOpen { .. } => vec![Remedy::VaryTiltAndRoll, Remedy::CheckImages],
             Warning::FocalLengthUnexpected { .. } => vec![Remedy::CheckImages, Remedy::NamePairs],
             // It was done already.
             Warning::FisheyeLens { .. } => Vec::new(),
@@ -556,6 +573,12 @@ mod tests {
             Warning::FisheyeLens { twice_log_odds: 90.0 },
             Warning::FocalLengthUnexpected { stated_px: 900.0, percent: -20.0 },
             Warning::PicturesDepart { departure: PictureDeparture::RowTurn, sigma: 0.4, twice_log_odds: 90.0 },
+            Warning::AssumptionOpen {
+                assumption: "square pixels".into(),
+                twice_log_odds: 4.0,
+                fx_percent: 1.5,
+                widened: 2.0,
+            },
             Warning::LensOffAxis { percent_of_distance: 0.7, fx_percent: 1.2 },
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },
             Warning::StillInAllImages { percent: 12.5 },

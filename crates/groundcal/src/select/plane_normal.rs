@@ -44,8 +44,8 @@ pub(crate) struct PlaneNormalOptions {
     pub(crate) aspect: f64,
     /// Standard deviation of each view's attitude about the axes across the plane's normal, degrees; `None`: found.
     pub(crate) attitude_sigma_deg: Option<f64>,
-    /// The pairs are named by the user: none is left out.
-    pub(crate) named: bool,
+    /// How many pairs, the first, the user names as the motions: none of them is left out, and no other is one.
+    pub(crate) named: Option<usize>,
     /// The user vouches that motions are plane-normal; nothing else needs to show it.
     pub(crate) vouched: bool,
     /// The images are in the order in which they were taken.
@@ -63,17 +63,18 @@ pub(crate) fn select_plane_normal(
     options: &PlaneNormalOptions,
     observer: &dyn Observer,
 ) -> Result<Selection, Error> {
+    let named = &pairs[..options.named.map_or(pairs.len(), |first| first.min(pairs.len()))];
     let (candidates, motions): (Vec<PairId>, Vec<Motion>) =
-        pairs.iter().filter_map(|pair| Some((pair.id, motion_of(pair, &options.frame)?))).unzip();
+        named.iter().filter_map(|pair| Some((pair.id, motion_of(pair, &options.frame)?))).unzip();
     if motions.is_empty() {
-        return Err(why_no_motion(pairs, options.min_matches));
+        return Err(why_no_motion(named, options.min_matches));
     }
     if let [only] = motions.as_slice()
         && !options.vouched
     {
         check_single(only, pairs[candidates[0]].background())?;
     }
-    let verdicts = if options.named || motions.len() == 1 {
+    let verdicts = if options.named.is_some() || motions.len() == 1 {
         vec![Verdict::Accepted; motions.len()]
     } else {
         let found = search(&motions, options, observer)?;
@@ -85,6 +86,9 @@ pub(crate) fn select_plane_normal(
         found.verdicts
     };
     Ok(Selection::new(MotionKind::PlaneNormal, pairs, |id| {
+        if id.index() >= named.len() {
+            return PairVerdict::Rejected(Rejection::NotNamed);
+        }
         let Ok(place) = candidates.binary_search(&id) else { return PairVerdict::NoMotion };
         match verdicts[place] {
             Verdict::Accepted => PairVerdict::Used { sides: motions[place].sides },

@@ -58,6 +58,10 @@ pub(crate) enum Rejection {
     LeftOut,
     /// No rotation under the camera that makes rotations of the others.
     NoRotation,
+    /// The method uses one motion, and another has more matches.
+    OneMotionOnly,
+    /// It is none of the pairs named as the motions.
+    NotNamed,
     /// Its images are joined by pairs of more matches.
     Redundant,
     /// No plane joins its images with the others.
@@ -112,6 +116,16 @@ impl Selection {
     /// The same without a pair that the refinement does without.
     pub(crate) fn without(mut self, id: PairId) -> Self {
         self.verdicts[id.index()] = PairVerdict::Rejected(Rejection::LeftOut);
+        self
+    }
+
+    /// The same with this motion alone.
+    pub(crate) fn with_one(mut self, id: PairId) -> Self {
+        for (index, verdict) in self.verdicts.iter_mut().enumerate() {
+            if index != id.index() && matches!(verdict, PairVerdict::Used { .. }) {
+                *verdict = PairVerdict::Rejected(Rejection::OneMotionOnly);
+            }
+        }
         self
     }
 

@@ -16,4 +16,4 @@ pub use closed_forms::{
     LinearCamera, rotating_camera, unweighted_camera, unweighted_camera_with_covariance, weighted_camera,
 };
 pub use linear_camera::{CameraSolution, GivenPrior, PriorParameter, PriorUse};
-pub use transferred::transferred_camera;
+pub use transferred::calibrate_transferred;

@@ -7,33 +7,56 @@
 //!
 //! The other views need not be turned about the plane's normal: they only have to see the plane, at attitudes of their own. One good
 //! turn is enough, and with an exact axis it does as well as a turn at each attitude or better. An axis off the normal, though, is believed
-//! in every view, where motions of their own are hardly harmed (the study `transfer` of `groundcal-lab`). The joint refinement uses both.
+//! in every view, where motions of their own are hardly harmed (the study `transfer`). The joint refinement uses both.
 
 use nalgebra::{Complex, DMatrix, Matrix3, SMatrix, SVector, Vector4};
 
 use crate::{
     error::Error,
-    geometry::constraint::Constraint,
+    geometry::{constraint::Constraint, frame::Frame, intrinsics::Intrinsics},
     numerics::linalg::{ComplexPoint, symmetric_eigen},
     pairs::{
-        circular_points::{CircularPoint, NoCircularPoint, from_homography},
+        circular_points::{NoCircularPoint, from_homography},
         refine::HomographyEstimate,
     },
     remedy::Remedy,
     start::{
-        absolute_conic::{Parameters, intrinsics_of, solve_unweighted},
-        closed_forms::{LinearCamera, common_frame},
+        absolute_conic::{Parameters, WeightedPoint, intrinsics_of, solve_unweighted},
         linear_camera::what_is_uncertain,
+        unweighted_camera::STEP_SIGMAS,
     },
 };
+
+/// A camera from one motion and views it was transferred to.
+#[derive(Debug, Clone)]
+pub struct TransferSolution {
+    /// In pixels.
+    pub intrinsics: Intrinsics,
+    /// In frame units.
+    pub(crate) in_frame: Intrinsics,
+    /// Covariance of (fx, fy, cx, cy, skew) in pixels squared, zero rows for what was held: that of the motion and of the transfers
+    /// through the linear solution, to first order.
+    pub covariance_px: SMatrix<f64, 5, 5>,
+    /// Which of (fx, fy, cx, cy, skew) were estimated.
+    pub estimated: [bool; 5],
+    /// The circular points: of view 0, then of each other view; frame coordinates, unit norm.
+    pub points: Vec<ComplexPoint>,
+    /// What each of them leaves of its equation: |eᵀ ω e| / (eᴴ ω e), by how much the floor comes out stretched.
+    pub misfits: Vec<f64>,
+}
+
+/// Another view's homography with a view of the motion.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Join<'a> {
+    /// It leads to the other view, or `backwards` from it.
+    pub(crate) estimate: &'a HomographyEstimate,
+    pub(crate) backwards: bool,
+}
 
 /// The circular point of a view from that of another.
 fn transfer(h: &Matrix3<f64>, point: &ComplexPoint) -> ComplexPoint {
     (h.map(|v| Complex::new(v, 0.0)) * point).normalize()
 }
-
-/// Part of a standard deviation by which inputs are moved to see what they do: linear, yet far above rounding.
-const STEP_SIGMAS: f64 = 0.05;
 
 /// The camera from the homography of one plane-normal motion (view 0 to its second view) and homographies from view 0 to other
 /// views of the same plane, all in one frame, every equation having the same weight. `aspect` is fy / fx where the constraint holds it.
@@ -42,32 +65,17 @@ const STEP_SIGMAS: f64 = 0.05;
 /// [`Error::NoUsableMotion`] when the motion shows no turn; [`Error::TooFewAttitudes`] for fewer views than the constraint needs;
 /// [`Error::Undetermined`] and [`Error::NotPositiveDefinite`] when the views are too alike or no real camera solves the equations;
 /// [`Error::InvalidInput`] for frames that differ; [`Error::InvalidOption`] for [`Constraint::Auto`].
-pub fn transferred_camera(
+pub fn calibrate_transferred(
     motion: &HomographyEstimate,
     others: &[HomographyEstimate],
     constraint: Constraint,
     aspect: f64,
-) -> Result<LinearCamera, Error> {
-    if constraint == Constraint::Auto {
-        return Err(Error::InvalidOption(
-            "the transfer of one motion has no priors: give zero-skew, square or another constraint instead of auto"
-                .into(),
-        ));
-    }
+) -> Result<TransferSolution, Error> {
     if !(aspect.is_finite() && aspect > 0.0) {
         return Err(Error::InvalidOption(format!("aspect ratio {aspect} must be positive")));
     }
-    let frame = common_frame(std::iter::once(motion).chain(others))?;
-    let (found, needed) = (1 + others.len(), constraint.attitudes_needed());
-    if found < needed {
-        return Err(Error::TooFewAttitudes {
-            constraint: constraint.name(),
-            unknowns: constraint.unknowns(),
-            needed,
-            motions: 1,
-            attitudes: found,
-            alternatives: vec![Constraint::Focal],
-        });
+    if others.iter().any(|h| h.frame != motion.frame) {
+        return Err(Error::InvalidInput("the homographies are given in different frames".into()));
     }
     let first = from_homography(motion).map_err(|why| Error::NoUsableMotion {
         pairs: 1,
@@ -82,9 +90,49 @@ pub fn transferred_camera(
         },
         remedies: vec![Remedy::CLEAR_TURN],
     })?;
-    let matrices: Vec<Matrix3<f64>> = others.iter().map(|h| h.in_frame).collect();
-    let (p, covariance) = propagate(&first.circular_point, &matrices, others, constraint, aspect)?;
-    let mut intrinsics = frame.intrinsics_to_pixel(&intrinsics_of(&p));
+    let point = first.circular_point;
+    let first = WeightedPoint { covariance: point.covariance, point };
+    let joins: Vec<Join<'_>> = others.iter().map(|estimate| Join { estimate, backwards: false }).collect();
+    camera_transferred(&first, &joins, &motion.frame, constraint, aspect)
+}
+
+/// The same from a motion's circular point with its covariance, which is that of both of its views, and other views joined to either.
+///
+/// # Errors
+/// As [`calibrate_transferred`].
+pub(crate) fn camera_transferred(
+    first: &WeightedPoint,
+    joins: &[Join<'_>],
+    frame: &Frame,
+    constraint: Constraint,
+    aspect: f64,
+) -> Result<TransferSolution, Error> {
+    if constraint == Constraint::Auto {
+        return Err(Error::InvalidOption(
+            "the transfer of one motion has no priors: give zero-skew, square or another constraint instead of auto"
+                .into(),
+        ));
+    }
+    let (found, needed) = (1 + joins.len(), constraint.attitudes_needed());
+    if found < needed {
+        return Err(Error::TooFewAttitudes {
+            constraint: constraint.name(),
+            unknowns: constraint.unknowns(),
+            needed,
+            motions: 1,
+            attitudes: found,
+            alternatives: vec![Constraint::Focal],
+        });
+    }
+    let (p, covariance, points) = propagate(first, joins, constraint, aspect)?;
+    let in_frame = intrinsics_of(&p);
+    let back = in_frame.inverse_matrix().map(|v| Complex::new(v, 0.0));
+    let misfit = |e: &ComplexPoint| {
+        let direction = back * e;
+        direction.dot(&direction).norm() / direction.norm_squared()
+    };
+    let misfits = points.iter().map(misfit).collect();
+    let mut intrinsics = frame.intrinsics_to_pixel(&in_frame);
     intrinsics.skew += 0.0;
     if let Some(uncertain) = what_is_uncertain(&covariance, frame) {
         return Err(Error::Undetermined {
@@ -95,26 +143,41 @@ pub fn transferred_camera(
     }
     let mut to_pixels = SMatrix::<f64, 5, 5>::from_diagonal_element(frame.scale_px);
     (to_pixels[(0, 0)], to_pixels[(1, 0)], to_pixels[(1, 1)]) = (intrinsics.fx, intrinsics.fy, intrinsics.fy);
-    Ok(LinearCamera { intrinsics, covariance_px: to_pixels * covariance * to_pixels.transpose() })
+    let f = constraint.free();
+    Ok(TransferSolution {
+        intrinsics,
+        in_frame,
+        covariance_px: to_pixels * covariance * to_pixels.transpose(),
+        // fy moves with fx when the ratio is held.
+        estimated: [f[0], f[0], f[2], f[3], f[4]],
+        points,
+        misfits,
+    })
 }
 
-type Solution = (Parameters, SMatrix<f64, 5, 5>);
+type Solution = (Parameters, SMatrix<f64, 5, 5>, Vec<ComplexPoint>);
 
 /// The linear solution with the covariance that its inputs give it, by differences.
 fn propagate(
-    first: &CircularPoint,
-    matrices: &[Matrix3<f64>],
-    others: &[HomographyEstimate],
+    first: &WeightedPoint,
+    joins: &[Join<'_>],
     constraint: Constraint,
     aspect: f64,
 ) -> Result<Solution, Error> {
-    let points_of = |e: &ComplexPoint, matrices: &[Matrix3<f64>]| -> Vec<ComplexPoint> {
-        std::iter::once(e.normalize()).chain(matrices.iter().map(|h| transfer(h, e))).collect()
+    let singular =
+        || Error::Numerical { stage: "transfer of circular points", detail: "a homography has no inverse".into() };
+    let points_of = |e: &ComplexPoint, matrices: &[Matrix3<f64>]| -> Result<Vec<ComplexPoint>, Error> {
+        let forward = matrices.iter().zip(joins).map(|(h, join)| match join.backwards {
+            false => Ok(*h),
+            true => h.try_inverse().ok_or_else(singular),
+        });
+        std::iter::once(Ok(e.normalize())).chain(forward.map(|h| Ok(transfer(&h?, e)))).collect()
     };
     let solve =
-        |e: &ComplexPoint, matrices: &[Matrix3<f64>]| solve_unweighted(&points_of(e, matrices), constraint, aspect);
-    let e = first.point;
-    let p = solve(&e, matrices)?;
+        |e: &ComplexPoint, matrices: &[Matrix3<f64>]| solve_unweighted(&points_of(e, matrices)?, constraint, aspect);
+    let matrices: Vec<Matrix3<f64>> = joins.iter().map(|join| join.estimate.in_frame).collect();
+    let e = first.point.point;
+    let p = solve(&e, &matrices)?;
     let mut covariance = SMatrix::<f64, 5, 5>::zeros();
     let mut add = |up: Parameters, down: Parameters| {
         let slope: SVector<f64, 5> = (up - down) / (2.0 * STEP_SIGMAS);
@@ -130,27 +193,26 @@ fn propagate(
     };
     for root in roots(DMatrix::from_fn(4, 4, |r, c| first.covariance[(r, c)]))? {
         let step = Vector4::from_fn(|i, _| STEP_SIGMAS * root[i]);
-        add(solve(&first.moved(&step), matrices)?, solve(&first.moved(&-step), matrices)?);
+        add(solve(&first.point.moved(&step), &matrices)?, solve(&first.point.moved(&-step), &matrices)?);
     }
-    for (i, other) in others.iter().enumerate() {
-        for root in roots(DMatrix::from_fn(9, 9, |r, c| other.covariance[(r, c)]))? {
+    for (i, join) in joins.iter().enumerate() {
+        for root in roots(DMatrix::from_fn(9, 9, |r, c| join.estimate.covariance[(r, c)]))? {
             let step = Matrix3::from_fn(|r, c| STEP_SIGMAS * root[3 * r + c]);
             let moved = |sign: f64| {
-                let mut matrices = matrices.to_vec();
+                let mut matrices = matrices.clone();
                 matrices[i] += step * sign;
                 solve(&e, &matrices)
             };
             add(moved(1.0)?, moved(-1.0)?);
         }
     }
-    Ok((p, covariance))
+    Ok((p, covariance, points_of(&e, &matrices)?))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{
-        geometry::frame::Frame,
         pairs::refine::{RefineOptions, refine},
         synthetic::points::{MotionSpec, PointScene},
     };
@@ -170,11 +232,11 @@ mod tests {
         PointScene { motions: [&[first][..], &others].concat(), sigma_px, ..nominal }
     }
 
-    fn solve(scene: &PointScene, constraint: Constraint) -> Result<LinearCamera, Error> {
+    fn solve(scene: &PointScene, constraint: Constraint) -> Result<TransferSolution, Error> {
         let frame = Frame::new(scene.size, None);
         let fit = |matches: &[_]| refine(matches, None, &frame, &RefineOptions::default()).expect("a homography");
         let all: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.pair.matches)).collect();
-        transferred_camera(&all[0], &all[1..], constraint, scene.intrinsics.fy / scene.intrinsics.fx)
+        calibrate_transferred(&all[0], &all[1..], constraint, scene.intrinsics.fy / scene.intrinsics.fx)
     }
 
     #[test]
@@ -187,6 +249,8 @@ mod tests {
             {
                 assert!((a - b).abs() < 1e-8 * truth.fx, "{}: {a} {b}", constraint.name());
             }
+            assert_eq!(found.points.len(), 3);
+            assert!(found.misfits.iter().all(|m| *m < 1e-9));
         }
     }
 
@@ -217,7 +281,7 @@ mod tests {
         };
         let motion = fit(0);
         let refused = |others: &[HomographyEstimate], constraint| {
-            transferred_camera(&motion, others, constraint, 1.0).expect_err("not determined")
+            calibrate_transferred(&motion, others, constraint, 1.0).expect_err("not determined")
         };
         assert!(matches!(refused(&[], Constraint::ZeroSkew), Error::TooFewAttitudes { attitudes: 1, needed: 2, .. }));
         assert!(matches!(refused(&[fit(1)], Constraint::Auto), Error::InvalidOption(_)));

@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// Part of a deviation by which a point is moved for the differences.
-const STEP_SIGMAS: f64 = 0.05;
+pub(crate) const STEP_SIGMAS: f64 = 0.05;
 /// Added to each variance, so that a point known exactly has a root.
 const MIN_VARIANCE: f64 = 1e-20;
 

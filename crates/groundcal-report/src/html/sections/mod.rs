@@ -103,6 +103,7 @@ fn headline(c: &Calibration, model: &Model) -> String {
             Method::Joint => "joint refinement",
             Method::Linear => "linear method, weighted and polished",
             Method::Kzr => "linear method as published",
+            Method::Transferred => "linear method, one motion transferred",
             Method::Rotating => "rotating-camera method",
         },
     )
