@@ -7,8 +7,11 @@
 //! (see [`crate::geometry::attitude`] for the angles). The model of the synthetic scenes and of the Cramér-Rao bound; that of the joint
 //! refinement, with a lens and homogeneous points, is that of [`crate::refine`].
 
-use nalgebra::{SMatrix, Vector2, Vector3};
+use nalgebra::Vector3;
+#[cfg(feature = "synthetic")]
+use nalgebra::{SMatrix, Vector2};
 
+#[cfg(feature = "synthetic")]
 use crate::geometry::{
     attitude::{attitude_rotation, yaw_rotation},
     intrinsics::Intrinsics,

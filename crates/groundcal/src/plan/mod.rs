@@ -1,6 +1,6 @@
 //! Capture advice: which motions to make, and how well the camera will be known from them.
 //!
-//! [`PlanRequest`] asks in the words of a person ("a tripod, f about 900 px") and gives a [`PlanReport`]; [`Planner`] is what both stand on.
+//! [`PlanRequest`] asks in the words of a person ("a tripod, f about 900 px") and gives a [`PlanReport`].
 
 pub(crate) mod after;
 mod candidate;

@@ -68,6 +68,6 @@ pub struct Feature {
 pub struct Features {
     /// Where they are.
     pub points: Vec<Feature>,
-    /// One descriptor of [`DESCRIPTOR_LENGTH`] values a feature, unit length, end to end.
+    /// One descriptor of `DESCRIPTOR_LENGTH` values a feature, unit length, end to end.
     pub descriptors: Vec<f32>,
 }
