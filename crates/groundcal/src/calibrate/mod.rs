@@ -33,8 +33,6 @@ mod solved;
 mod soundness;
 mod source;
 mod stage_options;
-#[cfg(test)]
-mod tests;
 mod transferred;
 mod turning;
 mod views;
@@ -242,3 +240,6 @@ pub fn calibrate_circular_points(
         .collect::<Result<_, Error>>()?;
     solve_camera(&motions, &frame, &options.camera(size))
 }
+
+#[cfg(test)]
+mod tests;

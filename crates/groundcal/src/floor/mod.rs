@@ -9,8 +9,6 @@ pub(crate) mod projection;
 mod rectified;
 pub(crate) mod rectify;
 pub(crate) mod scale;
-#[cfg(test)]
-mod tests;
 pub(crate) mod undistort;
 pub(crate) mod view;
 
@@ -24,3 +22,6 @@ pub use rectify::{Mosaic, rectify};
 pub use scale::{KnownDistance, with_floor_distance, with_uncertain_height};
 pub use undistort::{Fit, Undistortion};
 pub use view::{FloorGrid, FloorView};
+
+#[cfg(test)]
+mod tests;

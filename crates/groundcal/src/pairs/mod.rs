@@ -16,8 +16,6 @@ pub(crate) mod ray_match;
 pub(crate) mod refine;
 pub(crate) mod residual;
 pub(crate) mod robust;
-#[cfg(test)]
-mod tests;
 
 pub use circular_points::shows_turn;
 pub use correspondence::{ImagePair, PointMatch, validated};
@@ -27,3 +25,6 @@ pub use pair_lens::RadialCorrection;
 pub use placed_lens::PlacedLens;
 pub use refine::{HomographyEstimate, gold_standard_homography};
 pub use robust::{RobustHomography, RobustOptions, estimate_robust};
+
+#[cfg(test)]
+mod tests;

@@ -10,11 +10,12 @@ mod planner;
 pub(crate) mod report;
 pub(crate) mod request;
 mod search;
-#[cfg(test)]
-mod tests;
 
 pub use after::start_after;
 pub use carriers::{Carrier, CarrierMotion};
 pub use planner::{Plan, PlannedMotion, Prediction, VarianceShares};
 pub use report::{Assumptions, PlanReport};
 pub use request::{MAX_MOTIONS, PlanRequest, RequestError};
+
+#[cfg(test)]
+mod tests;

@@ -32,8 +32,6 @@ pub(crate) mod residual;
 pub(crate) mod reweight;
 pub(crate) mod score;
 pub(crate) mod start;
-#[cfg(test)]
-mod tests;
 pub(crate) mod tracks;
 pub(crate) mod variance_components;
 
@@ -52,3 +50,6 @@ pub(crate) use tracks::Kind;
 pub(crate) use tracks::Observation;
 pub(crate) use tracks::Track;
 pub(crate) use variance_components::disagreement;
+
+#[cfg(test)]
+mod tests;
