@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use groundcal::{
-    error::Error,
-    remedy::Remedy,
+    Error, Remedy,
     result::{Verdict, verdict_on_refusal},
 };
 use groundcal_io::text::{message, shown};

@@ -1,6 +1,6 @@
 //! What to do about a warning or an error, in the words of the command line: with its options.
 
-use groundcal::remedy::{Remedy, Wording, either};
+use groundcal::{Remedy, Wording, either};
 
 /// Remedies that are options of a command are named by them; the others are in the library's words.
 pub(crate) struct Flags;

@@ -8,12 +8,11 @@
 use std::path::Path;
 
 use groundcal::{
+    Plain, Silent,
     calibrate::{LensModel, Method, Options, calibrate_matches},
     floor::{Fit, FloorLayout, FloorView, Undistortion, Up, placed, sets_of_one_world},
     geometry::{Camera, ImageSize, camera_difference},
-    observer::Silent,
     plan::start_after,
-    remedy::Plain,
     result::Calibration,
     start::Constraint,
 };

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use groundcal::error::Error;
+use groundcal::Error;
 
 use crate::text::{message, shown};
 

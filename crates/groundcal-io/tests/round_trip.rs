@@ -3,11 +3,11 @@
 #![allow(clippy::expect_used, clippy::panic)] // a test may end in a panic
 
 use groundcal::{
+    Plain, Remedy, Wording,
     calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
     floor::placed,
     geometry::{Constraint, ImageSize, Intrinsics, Lens, rotation_cam_from_world},
     pairs::ImagePair,
-    remedy::{Plain, Remedy, Wording},
     result::{Calibration, Evidence, Parameter, Scene, ViewParameter},
     synthetic::{PointScene, turning_pairs},
 };

@@ -7,14 +7,10 @@ use std::{hint::black_box, time::Instant};
 use nalgebra::{Vector2, Vector3};
 
 use groundcal::{
-    geometry::{Frame, ImageSize, Intrinsics, Lens, attitude_rotation, yaw_rotation},
-    pairs::{HomographyEstimate, PointMatch, RefineOptions, RobustOptions, estimate_robust, from_homography, refine},
-    refine::{
-        BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
-        Track, adjust,
-    },
-    select::{HorizonSides, Motion},
-    start::{CameraOptions, solve_camera},
+    calibrate::{MotionModel, Options, Silent, calibrate_matches},
+    geometry::Frame,
+    pairs::{HomographyEstimate, ImagePair, RobustOptions, estimate_robust, gold_standard_homography},
+    start::{Constraint, weighted_camera},
     synthetic::{MotionSpec, PointScene},
     vision::{FeatureOptions, MatchOptions, PatchOptions, detect, match_features, match_patches, template_grid},
 };
@@ -100,139 +96,37 @@ fn run() {
     let estimates: Vec<HomographyEstimate> = scene
         .pairs()
         .iter()
-        .map(|p| {
-            let matches: &[PointMatch] = &p.pair.matches;
-            refine(matches, None, &frame, &RefineOptions::default()).expect("a homography")
-        })
+        .map(|p| gold_standard_homography(&p.pair.matches, &frame).expect("a homography"))
         .collect();
-    for constraint in groundcal::start::Constraint::ALL {
-        let options = CameraOptions {
-            given: Vec::new(),
-            constraint,
-            aspect: 1.0,
-            aspect_sigma: 0.003,
-            principal_point_sigma_px: 64.0,
-            attitude_sigma_rad: 0.0,
-            estimate_attitude_sigma: false,
-        };
-        let to_camera = || {
-            let motions: Vec<Motion> = estimates
-                .iter()
-                .enumerate()
-                .filter_map(|(i, e)| {
-                    Some(Motion {
-                        from: (2 * i).into(),
-                        to: (2 * i + 1).into(),
-                        geometry: from_homography(e).ok()?,
-                        sides: HorizonSides::One,
-                    })
-                })
-                .collect();
-            solve_camera(&motions, &frame, &options)
-        };
+    // `auto` is for the whole way.
+    for constraint in Constraint::ALL.into_iter().filter(|c| *c != Constraint::Auto) {
+        let to_camera = || weighted_camera(&estimates, constraint, 1.0);
         time(&format!("six homographies to K, {}", constraint.name()), 501, to_camera);
     }
 }
 
-/// Views of a camera that turns and moves on along a floor, each seeing the points ahead of it, with 0.05 px of noise.
-fn drive(views: usize, points_a_view: usize) -> (Vec<Track>, State) {
-    let attitude = attitude_rotation(0.9, 0.1);
-    let k = Intrinsics::square(900.0, 511.5, 383.5);
-    let group = GroupState { attitude, ln_height: 0.0 };
-    let poses: Vec<FrameState> = (0..views)
-        .map(|v| FrameState {
-            group: 0,
-            delta_rad: [0.0; 2],
-            yaw_rad: 0.2 * (v as f64 * 0.9).sin(),
-            position: Vector2::new(0.25 * v as f64, 0.0),
-            ln_height_ratio: 0.0,
-            departure: groundcal::refine::Departure::default(),
-        })
-        .collect();
-    let rotations: Vec<_> = poses.iter().map(|p| attitude * yaw_rotation(p.yaw_rad)).collect();
-    // A low-discrepancy cover of the strip that is seen.
-    let length = 0.25 * views as f64 + 2.0;
-    let count = (points_a_view as f64 * length / 1.1) as usize;
-    let (golden, plastic) = (0.618_033_988_749_895, 0.754_877_666_246_693);
-    let tracks = (0..count)
-        .filter_map(|i| {
-            let at = |step: f64| (i as f64 * step).fract();
-            let (x, y) = (length * at(golden), 1.6 * at(plastic) - 0.8);
-            let seen = poses.iter().zip(&rotations).enumerate().filter_map(|(v, (p, r))| {
-                let c = r * Vector3::new(x - p.position.x, y - p.position.y, -1.0);
-                let pixel = k.pixel_from_normalised(&Vector2::new(c.x / c.z, c.y / c.z));
-                let inside = c.z > 0.1 && (0.0..1023.0).contains(&pixel.x) && (0.0..767.0).contains(&pixel.y);
-                let wobble = |n: usize| 0.05 * ((n * 7919 + i * 104_729 + v * 1_299_709) as f64).sin();
-                inside.then(|| Observation::new(v, pixel + Vector2::new(wobble(1), wobble(2)), 0.05))
-            });
-            let observations: Vec<Observation> = seen.collect();
-            (observations.len() >= 2).then_some(Track { kind: Kind::Patch, observations })
-        })
-        .collect();
-    let frame = Frame::new(ImageSize::new(1024, 768), None);
-    let camera = CameraState::new(&Intrinsics::square(905.0, 513.0, 381.0), &Lens::radial(0.0, 0.0), &frame);
-    (tracks, State::of_one_camera(camera, vec![group], poses))
-}
-
 fn refinement() {
-    let frame = Frame::new(ImageSize::new(1024, 768), None);
-    let options = |frame: Frame| {
-        BundleOptions::new(vec![CameraUnknowns {
-            matrix_priors: [None, Some((0.0, 0.003)), Some((0.0, 0.12)), Some((0.0, 0.12)), None],
-            // k1, k2, p1, p2 free and k3 on demand, as in a calibration.
-            lens_free: vec![true; 4],
-            lens_priors: [0.3, 0.3, 1e-3, 1e-3].map(|sigma| Some((0.0, sigma))).to_vec(),
-            lens_on_demand: vec![(4, (0.0, 0.3))],
-            ..CameraUnknowns::new(frame, [1.14, 0.86])
-        }])
-    };
-    // Six motions of a thousand points.
-    let scene = PointScene {
-        motions: (0..6)
-            .map(|i| MotionSpec::about_axis(0.6 + 0.07 * f64::from(i), -0.5 + 0.2 * f64::from(i), 0.4, 0.3, 1.0))
-            .collect(),
-        matches: 1000,
-        sigma_px: 0.05,
-        ..PointScene::nominal(1)
-    };
-    let pairs = scene.pairs();
-    let tracks: Vec<Track> = pairs
-        .iter()
-        .flat_map(|p| {
-            p.pair.matches.iter().map(|m| {
-                let seen = |frame: usize, pixel: Vector2<f64>| Observation::new(frame, pixel, 0.05);
-                Track { kind: Kind::Patch, observations: vec![seen(p.pair.from, m.a), seen(p.pair.to, m.b)] }
-            })
-        })
-        .collect();
-    let frame_of_scene = Frame::new(scene.size, None);
-    let camera = CameraState::new(&Intrinsics::square(1005.0, 640.0, 480.0), &Lens::radial(0.0, 0.0), &frame_of_scene);
-    let groups = scene
-        .motions
-        .iter()
-        .map(|m| GroupState { attitude: attitude_rotation(m.pitch_down_rad, m.roll_rad), ln_height: 0.0 });
-    let views = scene.motions.iter().enumerate().flat_map(|(g, m)| {
-        m.views().map(|v| FrameState {
-            group: g,
-            delta_rad: [0.0; 2],
-            yaw_rad: v.yaw_rad,
-            position: v.centre.xy(),
-            ln_height_ratio: 0.0,
-            departure: groundcal::refine::Departure::default(),
-        })
-    });
-    let start = State::of_one_camera(camera, groups.collect(), views.collect());
-    let of_scene = options(frame_of_scene);
-    time("joint refinement, 6 motions x 1000 points, covariance", 7, || {
-        adjust(SceneModel::Floor, &tracks, vec![start.clone()], &of_scene).expect("refined")
-    });
-    // Growth, the variance components given.
-    let given = BundleOptions { attitude_sigma_rad: Some(0.0005), height_sigma: Some(0.001), ..options(frame) };
-    for views in [25, 50, 100, 200] {
-        let (tracks, start) = drive(views, 500);
-        let observations: usize = tracks.iter().map(|t| t.observations.len()).sum();
-        let seconds = time(&format!("joint refinement, {views} views, {observations} observations"), 3, || {
-            adjust(SceneModel::Floor, &tracks, vec![start.clone()], &given).expect("refined")
+    // A calibration from matches, nearly all of which is the joint refinement: motions of one attitude each.
+    for (motions, matches) in [(6, 1000), (12, 500), (25, 500), (50, 500), (100, 500)] {
+        let scene = PointScene {
+            motions: (0..motions)
+                .map(|i| {
+                    let part = f64::from(i) / f64::from(motions - 1);
+                    MotionSpec::about_axis(0.6 + 0.35 * part, -0.5 + part, 0.4, 0.3, 1.0)
+                })
+                .collect(),
+            matches,
+            sigma_px: 0.05,
+            ..PointScene::nominal(1)
+        };
+        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let names: Vec<String> = (0..2 * motions).map(|i| i.to_string()).collect();
+        let told = Some(pairs.iter().map(|p| (p.from, p.to)).collect());
+        let options = Options { pairs: told, motion: MotionModel::PlaneNormal, ..Options::default() };
+        let observations: usize = pairs.iter().map(|p| 2 * p.matches.len()).sum();
+        let name = format!("calibration from matches, {motions} motions, {observations} observations");
+        let seconds = time(&name, if motions < 20 { 7 } else { 3 }, || {
+            calibrate_matches(&names, scene.size, &pairs, &options, &Silent).expect("a camera")
         });
         println!("{:<52} {:.2} us an observation", "", 1e6 * seconds / observations as f64);
     }

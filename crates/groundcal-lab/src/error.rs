@@ -1,6 +1,6 @@
 //! What can stop a study or an experiment.
 
-use groundcal::error::Error;
+use groundcal::Error;
 use groundcal_io::error::IoError;
 
 /// Why a study or an experiment ended early.

@@ -8,6 +8,7 @@ pub mod error;
 pub mod experiments;
 pub mod lies;
 pub mod progress;
+mod rank_correlation;
 pub mod render_scene;
 pub mod renderer;
 pub mod studies;

@@ -10,10 +10,9 @@
 use rayon::prelude::*;
 
 use groundcal::{
-    error::Error,
-    geometry::Frame,
-    select::Motion,
-    start::{CameraOptions, CameraSolution, solve_camera},
+    Error,
+    pairs::HomographyEstimate,
+    start::{Constraint, LinearCamera, weighted_camera},
 };
 
 /// One subset and its camera.
@@ -22,7 +21,7 @@ pub struct Subset {
     /// Indices of its motions, ascending.
     pub motions: Vec<usize>,
     /// The camera, or why there is none.
-    pub camera: Result<CameraSolution, Error>,
+    pub camera: Result<LinearCamera, Error>,
 }
 
 impl Subset {
@@ -65,12 +64,7 @@ pub fn combinations_count(count: usize, size: usize) -> u128 {
 ///
 /// # Errors
 /// [`Error::InvalidOption`] for a size of zero, beyond the number of motions, or with more than [`MAX_SUBSETS`] subsets.
-pub fn rank_subsets(
-    motions: &[Motion],
-    frame: &Frame,
-    options: &CameraOptions,
-    size: usize,
-) -> Result<Vec<Subset>, Error> {
+pub fn rank_subsets(motions: &[HomographyEstimate], constraint: Constraint, size: usize) -> Result<Vec<Subset>, Error> {
     let total = combinations_count(motions.len(), size);
     if size == 0 || total == 0 || total > MAX_SUBSETS {
         return Err(Error::InvalidOption(format!(
@@ -82,8 +76,8 @@ pub fn rank_subsets(
     let mut ranked: Vec<Subset> = all
         .into_par_iter()
         .map(|indices| {
-            let chosen: Vec<Motion> = indices.iter().map(|&i| motions[i].clone()).collect();
-            Subset { camera: solve_camera(&chosen, frame, options), motions: indices }
+            let chosen: Vec<HomographyEstimate> = indices.iter().map(|&i| motions[i].clone()).collect();
+            Subset { camera: weighted_camera(&chosen, constraint, 1.0), motions: indices }
         })
         .collect();
     // A stable sort: equals stay in lexicographic order.
@@ -94,13 +88,9 @@ pub fn rank_subsets(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rank_correlation::spearman;
     use crate::studies::figure4::{Condition, scene};
-    use groundcal::{
-        numerics::spearman,
-        pairs::{RefineOptions, from_homography, refine},
-        select::HorizonSides,
-        start::Constraint,
-    };
+    use groundcal::{geometry::Frame, pairs::gold_standard_homography};
 
     #[test]
     fn combinations_are_all_there_once() {
@@ -115,30 +105,14 @@ mod tests {
     #[test]
     fn predicted_errors_are_those_that_come_true() {
         let condition = Condition { motions: 10, ..Condition::default() };
-        let options = CameraOptions {
-            constraint: Constraint::ZeroSkew,
-            aspect: 1.0,
-            aspect_sigma: 0.003,
-            principal_point_sigma_px: 64.0,
-            given: Vec::new(),
-            attitude_sigma_rad: 0.0,
-            estimate_attitude_sigma: false,
-        };
         let (mut normalised, mut correlation) = (Vec::new(), 0.0);
         let scenes = 12;
         for number in 0..scenes {
             let scene = scene(&condition, 3, number);
             let frame = Frame::new(scene.size, None);
-            let motions: Vec<Motion> = scene
-                .pairs()
-                .iter()
-                .map(|p| {
-                    let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).expect("a homography");
-                    let geometry = from_homography(&h).expect("a turn");
-                    Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: HorizonSides::One }
-                })
-                .collect();
-            let ranked = rank_subsets(&motions, &frame, &options, 3).expect("few enough");
+            let fit = |matches: &[_]| gold_standard_homography(matches, &frame).expect("a homography");
+            let motions: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.pair.matches)).collect();
+            let ranked = rank_subsets(&motions, Constraint::ZeroSkew, 3).expect("few enough");
             assert_eq!(ranked.len(), 120);
             assert!(ranked.windows(2).all(|w| w[0].predicted_sigma() <= w[1].predicted_sigma()));
             let fx = scene.intrinsics.fx;
@@ -152,11 +126,6 @@ mod tests {
         let within = normalised.iter().filter(|z| **z < 2.0).count() as f64 / normalised.len() as f64;
         assert!(within > 0.85, "{within}");
         assert!(correlation > 0.2, "{correlation}");
-        let frame = Frame::new(condition_size(), None);
-        assert!(rank_subsets(&[], &frame, &options, 3).is_err());
-    }
-
-    fn condition_size() -> groundcal::geometry::ImageSize {
-        scene(&Condition::default(), 0, 0).size
+        assert!(rank_subsets(&[], Constraint::ZeroSkew, 3).is_err());
     }
 }

@@ -3,8 +3,8 @@
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
 use groundcal::{
+    Error,
     calibrate::{FeatureDensity, Options, Silent, calibrate_images, calibrate_matched_images},
-    error::Error,
     pairs::ImagePair,
     vision::{PatchMatch, PatchOptions, detect, match_features, match_patches, template_grid},
 };

@@ -3,8 +3,8 @@
 use std::{path::PathBuf, sync::Arc};
 
 use groundcal::{
+    Error,
     calibrate::{calibrate_homographies, calibrate_images, calibrate_matches},
-    error::Error,
     geometry::{Frame, Homography, HomographyCovariance, ImageSize, covariance_in_frame},
     pairs::{HomographyEstimate, ImagePair, PointMatch},
     result::{Calibration, Warning},

@@ -2,7 +2,7 @@
 //!
 //! The classes are written in Python (`groundcal._errors`), with a code and remedies; here they are raised.
 
-use groundcal::{error::Error, remedy::Wording};
+use groundcal::{Error, Wording};
 use groundcal_io::{error::IoError, text::message};
 use groundcal_lab::error::LabError;
 use groundcal_report::error::ReportError;

@@ -441,6 +441,6 @@ fn flat(
 
 /// An error where the work is to stop.
 fn go_on(watch: &Watch) -> Result<(), Failure> {
-    let stopped = groundcal::calibrate::Observer::stopped(watch);
-    if stopped { Err(groundcal::error::Error::Stopped.into()) } else { Ok(()) }
+    let stopped = groundcal::Observer::stopped(watch);
+    if stopped { Err(groundcal::Error::Stopped.into()) } else { Ok(()) }
 }

@@ -1,6 +1,6 @@
 //! What to do about a warning or an error, in the words of Python: with its keywords.
 
-use groundcal::remedy::{Remedy, Wording, either};
+use groundcal::{Remedy, Wording, either};
 
 /// Remedies that are keywords of a function are named by them; the others are in the library's words.
 pub(crate) struct Keywords;

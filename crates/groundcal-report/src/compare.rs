@@ -1,7 +1,7 @@
 //! How far one camera is from another: their numbers, all errors of both together, and the images of the same rays.
 
 use groundcal::{
-    error::Error,
+    Error,
     geometry::{
         CameraDifference, INTRINSIC_NAMES, ImageSize, Intrinsics, Lens, Radtan, camera_difference, significance,
     },

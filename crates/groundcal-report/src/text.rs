@@ -2,9 +2,9 @@
 //! `verbose`, in the style of a statistics package, also the motions, the attitudes, the views, what was assumed and what was left out.
 
 use groundcal::{
+    Wording,
     geometry::Lens,
     numerics::NORMAL_95,
-    remedy::Wording,
     result::{
         Calibration, CameraOnBase, LensSource, Method, MotionKind, MotionReport, Parameter, Scene, Verdict,
         VerdictLevel, VerdictReason, level_with,

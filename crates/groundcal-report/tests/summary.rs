@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic)]
 
 use groundcal::{
+    Plain,
     calibrate::{Method, MotionModel, Options, Silent, calibrate_matches},
     geometry::{ImageSize, Intrinsics, Lens, rotation_cam_from_world},
     pairs::ImagePair,
-    remedy::Plain,
     result::{Calibration, Scene, Warning, verdict_on},
     synthetic::{MotionSpec, PointScene, turning_pairs},
 };

@@ -55,24 +55,20 @@
 
 #[doc(hidden)]
 pub mod calibrate;
-#[doc(hidden)]
-pub mod error;
+pub(crate) mod error;
 pub mod floor;
 pub mod geometry;
 #[doc(hidden)]
 pub mod ids;
 #[doc(hidden)]
 pub mod numerics;
-#[doc(hidden)]
-pub mod observer;
+pub(crate) mod observer;
 #[doc(hidden)]
 pub mod pairs;
 #[cfg(feature = "synthetic")]
 pub mod plan;
-#[doc(hidden)]
-pub mod refine;
-#[doc(hidden)]
-pub mod remedy;
+pub(crate) mod refine;
+pub(crate) mod remedy;
 pub mod result;
 #[doc(hidden)]
 pub mod select;
@@ -95,7 +91,7 @@ pub use crate::{
     geometry::{Camera, Constraint, Fisheye, Homography, ImageSize, Intrinsics, Lens, Radtan},
     observer::{Observer, Silent, Stage},
     pairs::{HomographyEstimate, ImagePair, PointMatch},
-    remedy::{Remedy, Wording},
+    remedy::{Plain, Remedy, Wording, either},
     result::{Calibration, Covariance, Method, Parameter, PriorParameter, Verdict, VerdictLevel, Warning},
     start::GivenPrior,
     vision::{GrayImage, Mask},

@@ -130,7 +130,7 @@ pub enum Remedy {
 
 impl Remedy {
     /// A turn that tells the circular points well.
-    pub const CLEAR_TURN: Remedy = Remedy::TurnCamera { from_deg: 15.0, to_deg: 60.0 };
+    pub(crate) const CLEAR_TURN: Remedy = Remedy::TurnCamera { from_deg: 15.0, to_deg: 60.0 };
     /// A tilt from which the focal length shows.
     pub(crate) const TILT_DOWN: Remedy = Remedy::TiltDown { from_deg: 30.0, to_deg: 60.0 };
 

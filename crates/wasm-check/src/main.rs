@@ -4,9 +4,9 @@
 #![forbid(unsafe_code)]
 
 use groundcal::{
+    Error, Plain,
     calibrate::{Options, Silent, calibrate_matches},
-    error::Error,
-    plan::{Carrier, PlanOptions, Planner},
+    plan::PlanRequest,
     synthetic::PointScene,
 };
 
@@ -19,17 +19,8 @@ fn main() -> Result<(), Error> {
         names.push(format!("view {}", names.len()));
         names.push(format!("view {}", names.len()));
     }
-    let options = Options::default();
-    let calibration = calibrate_matches(&names, scene.size, &pairs, &options, &Silent)?;
-    let plan = PlanOptions {
-        intrinsics: calibration.camera.intrinsics(),
-        lens: Default::default(),
-        size: scene.size,
-        rig: Carrier::Tripod.motion(1.5).rig(),
-        noise_px: 0.3,
-        points: 300.0,
-        motions: 1,
-        calibration: options,
-    };
-    Planner::new(&plan, None)?.plan().map(|_| ())
+    let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
+    let plan = PlanRequest { motions: Some(1), ..PlanRequest::default() };
+    let planned = plan.report(Some(&calibration), &Plain);
+    planned.map(|_| ()).map_err(|e| Error::InvalidInput(format!("no plan: {e:?}")))
 }

@@ -109,7 +109,7 @@ pub(crate) fn run(args: &FloorArgs) -> Result<(), CliError> {
     output::print(&text(&report, args.to_pixels, terminal::width()))
 }
 
-fn report(args: &FloorArgs, c: &Calibration) -> Result<Report, groundcal::error::Error> {
+fn report(args: &FloorArgs, c: &Calibration) -> Result<Report, groundcal::Error> {
     let named = view_named(c, &args.view)?;
     let view = MeasuringView::of(c, &args.view)?;
     let points: Vec<Point> = args

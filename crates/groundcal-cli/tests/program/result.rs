@@ -23,7 +23,7 @@ fn calibrations_of_the_examples_are_read_back_as_they_were_written() {
     ] {
         let written = calibrate(args).json();
         let c = groundcal_json::parse(&written.to_string()).unwrap_or_else(|e| panic!("{args:?}: {e}"));
-        let again: Value = serde_json::from_str(&export::json(&c, &groundcal::remedy::Plain).unwrap()).unwrap();
+        let again: Value = serde_json::from_str(&export::json(&c, &groundcal::Plain).unwrap()).unwrap();
         assert_eq!(without_words(again), without_words(written), "{args:?}");
         // The judgement of each motion used is there for everybody.
         let judged = c.motions.iter().all(|m| m.diagnosis.is_some() == m.used);

@@ -1,7 +1,7 @@
 //! `calibration.json` (docs/formats.md).
 
 use groundcal::{
-    remedy::Wording,
+    Wording,
     result::{Calibration, WarningReport},
 };
 

@@ -2,11 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use groundcal::{
-    error::Error,
-    observer::{Observer, Silent},
-    vision::GrayImage,
-};
+use groundcal::{Error, Observer, Silent, vision::GrayImage};
 use rayon::prelude::*;
 
 use crate::{

@@ -3,8 +3,8 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use groundcal::Silent;
 use groundcal::geometry::ImageSize;
-use groundcal::observer::Silent;
 use image::{ExtendedColorType, ImageEncoder, codecs::jpeg::JpegEncoder};
 use tiff::encoder::{TiffEncoder, TiffKindBig, colortype};
 

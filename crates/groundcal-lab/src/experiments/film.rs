@@ -4,7 +4,7 @@
 use std::fmt::Write;
 
 use groundcal::{
-    error::Error,
+    Error,
     floor::{FloorGrid, FloorView},
     geometry::{ImageSize, View},
     result::Calibration,

@@ -2,8 +2,8 @@
 //! one parameter, minimised or in closed form, or with the lens that groundcal finds.
 
 use groundcal::{
+    Error,
     calibrate::{Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches},
-    error::Error,
     pairs::ImagePair,
     start::Constraint,
 };

@@ -6,17 +6,12 @@
 //! - *groundcal*: the program's own, from the pictures or the matches.
 
 use groundcal::{
+    Error, Remedy,
     calibrate::{Options, Silent, calibrate_matched_images},
-    error::Error,
     geometry::{Frame, Intrinsics},
-    pairs::{HomographyEstimate, ImagePair, PlacedLens, PointMatch, estimate_robust, from_homography},
-    remedy::Remedy,
+    pairs::{HomographyEstimate, ImagePair, PlacedLens, PointMatch, estimate_robust, shows_turn},
     result::{Calibration, Parameter},
-    select::{HorizonSides, Motion},
-    start::{
-        Constraint, RotatingOptions, WeightedPoint, Weighting, calibrate_rotating, intrinsics_of,
-        solve_unweighted_with_covariance,
-    },
+    start::{Constraint, rotating_camera, unweighted_camera_with_covariance},
     vision::{GrayImage, detect, match_features},
 };
 use rayon::prelude::*;
@@ -70,12 +65,11 @@ impl Scores {
     }
 }
 
-/// A homography a motion from the matched features of its two pictures, without and with its circular point.
+/// A homography a motion from the matched features of its two pictures.
 pub(crate) struct Measured {
-    pub(crate) frame: Frame,
     pub(crate) homographies: Vec<HomographyEstimate>,
     /// Those that show a turn.
-    pub(crate) motions: Vec<Motion>,
+    pub(crate) motions: Vec<HomographyEstimate>,
     /// Fewest and most inliers of a motion.
     pub(crate) matches: [usize; 2],
 }
@@ -92,31 +86,25 @@ pub(crate) fn match_pairs(images: &[GrayImage], pairs: &[(usize, usize)], option
         .collect()
 }
 
-/// Robust homographies of matches and their circular points; motions that show no turn above their noise are left out.
+/// Robust homographies of matches, and those of them that show a turn above their noise.
 ///
 /// # Errors
 /// That of the first motion without a homography; [`Error::NoUsableMotion`] when none shows a turn.
 pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<Measured, Error> {
-    let all: Vec<(HomographyEstimate, Option<Motion>, usize)> = pairs
+    let all: Vec<(HomographyEstimate, usize)> = pairs
         .par_iter()
         .enumerate()
         .map(|(i, pair)| {
             let mut robust = options.robust;
             robust.ransac.seed = options.seed ^ i as u64;
             let found = estimate_robust(&pair.matches, &frame, &robust)?;
-            let motion = from_homography(&found.estimate).ok().map(|geometry| Motion {
-                from: pair.from.into(),
-                to: pair.to.into(),
-                geometry,
-                sides: HorizonSides::One,
-            });
-            Ok((found.estimate, motion, found.inliers.len()))
+            Ok((found.estimate, found.inliers.len()))
         })
         .collect::<Result<_, Error>>()?;
-    let mut out = Measured { frame, homographies: Vec::new(), motions: Vec::new(), matches: [usize::MAX, 0] };
-    for (homography, motion, matches) in all {
+    let mut out = Measured { homographies: Vec::new(), motions: Vec::new(), matches: [usize::MAX, 0] };
+    for (homography, matches) in all {
+        out.motions.extend(Some(&homography).filter(|h| shows_turn(h)).cloned());
         out.homographies.push(homography);
-        out.motions.extend(motion);
         out.matches = [out.matches[0].min(matches), out.matches[1].max(matches)];
     }
     if out.motions.is_empty() {
@@ -132,28 +120,18 @@ pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> R
 /// The paper's linear method.
 ///
 /// # Errors
-/// See [`solve_unweighted_with_covariance`].
+/// See [`unweighted_camera_with_covariance`].
 pub(crate) fn linear(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
-    let point = |m: &Motion| {
-        let point = m.geometry.circular_point.clone();
-        WeightedPoint { covariance: point.covariance, point }
-    };
-    let points: Vec<WeightedPoint> = measured.motions.iter().map(point).collect();
-    let (p, covariance) = solve_unweighted_with_covariance(&points, constraint, 1.0)?;
-    let frame = &measured.frame;
-    let k = frame.intrinsics_to_pixel(&intrinsics_of(&p));
-    let to_pixels = frame.pixels_by_logarithms(&k);
-    let in_pixels = to_pixels * covariance * to_pixels.transpose();
-    Ok(Scores::new(truth, &k, constraint, |i, j| in_pixels[(i, j)]))
+    let s = unweighted_camera_with_covariance(&measured.motions, constraint, 1.0)?;
+    Ok(Scores::new(truth, &s.intrinsics, constraint, |i, j| s.covariance_px[(i, j)]))
 }
 
 /// The rotating-camera method as Hartley has it, every equation with weight one.
 ///
 /// # Errors
-/// Those of [`calibrate_rotating`].
+/// Those of [`rotating_camera`].
 pub(crate) fn rotating(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
-    let options = RotatingOptions { constraint, aspect: 1.0, weighting: Weighting::Uniform };
-    let s = calibrate_rotating(&measured.homographies, &options)?;
+    let s = rotating_camera(&measured.homographies, constraint, 1.0)?;
     Ok(Scores::new(truth, &s.intrinsics, constraint, |i, j| s.covariance_px[(i, j)]))
 }
 

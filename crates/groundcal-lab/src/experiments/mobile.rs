@@ -4,8 +4,8 @@
 use std::fmt::Write;
 
 use groundcal::{
+    Error,
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    error::Error,
     geometry::Frame,
     pairs::ImagePair,
     start::Constraint,

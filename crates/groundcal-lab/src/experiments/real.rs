@@ -14,8 +14,8 @@ use std::{
 };
 
 use groundcal::{
+    Error,
     calibrate::{Method, MotionModel, Options, Silent, calibrate_images, calibrate_matches},
-    error::Error,
     geometry::{ImageSize, Intrinsics},
     pairs::ImagePair,
     result::Calibration,

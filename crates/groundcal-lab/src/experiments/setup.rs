@@ -3,8 +3,8 @@
 use std::{fmt::Write, path::Path};
 
 use groundcal::{
+    Error,
     calibrate::{MotionModel, Options},
-    error::Error,
     geometry::{Frame, Intrinsics},
     pairs::ImagePair,
     result::Calibration,

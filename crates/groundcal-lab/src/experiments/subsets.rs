@@ -3,11 +3,7 @@
 
 use std::fmt::Write;
 
-use groundcal::{
-    geometry::Intrinsics,
-    numerics::spearman,
-    start::{CameraOptions, Constraint},
-};
+use groundcal::{geometry::Intrinsics, start::Constraint};
 use groundcal_report::{
     canvas::{png, svg},
     plot::{Curve, Figure, Marker, Panel, Style},
@@ -19,6 +15,7 @@ use crate::{
         methods::Measured,
         setup::{OutputFile, Setup},
     },
+    rank_correlation::spearman,
     studies::reports::output::two_a_row,
     subsets::{Subset, rank_subsets},
     tables::{self, six_digits},
@@ -43,16 +40,7 @@ struct Ranking {
 /// The linear method's camera of every subset, as the paper has it: axes exactly normal, nothing of the camera known but the
 /// constraint.
 fn rank(measured: &Measured, truth: &Intrinsics, minimal: Minimal) -> Result<Ranking, LabError> {
-    let options = CameraOptions {
-        constraint: minimal.0,
-        aspect: 1.0,
-        aspect_sigma: f64::INFINITY,
-        principal_point_sigma_px: f64::INFINITY,
-        given: Vec::new(),
-        attitude_sigma_rad: 0.0,
-        estimate_attitude_sigma: false,
-    };
-    let subsets = rank_subsets(&measured.motions, &measured.frame, &options, minimal.1)?;
+    let subsets = rank_subsets(&measured.motions, minimal.0, minimal.1)?;
     let error = |s: &Subset| Some(100.0 * (s.camera.as_ref().ok()?.intrinsics.fx / truth.fx - 1.0));
     let errors = subsets.iter().map(error).collect();
     Ok(Ranking { minimal, subsets, errors })

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use groundcal::{error::Error, start::Constraint};
+use groundcal::{Error, start::Constraint};
 
 use crate::{
     error::LabError,

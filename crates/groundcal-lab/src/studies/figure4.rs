@@ -6,18 +6,18 @@
 //! does not depend on the condition: trials of neighbouring conditions share their draws, so that curves are smooth and
 //! differences between methods are those of the methods.
 
-use nalgebra::{Rotation3, SMatrix, Unit, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, SMatrix, Unit, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use crate::studies::setting::{Asked, Attitudes, FOCAL_OVER_WIDTH, Setting};
 use groundcal::{
+    Error,
     calibrate::{LensModel, Options, Silent, calibrate_matches},
-    error::Error,
     geometry::{Frame, Intrinsics, Lens, View, angles_from_rotation, rotation_cam_from_world},
-    numerics::{ComplexPoint, NORMAL_95, complex_pair_eigen},
-    pairs::{ImagePair, PointMatch, RefineOptions, direct_linear_transformation, refine},
-    start::{Constraint, RotatingOptions, Weighting, calibrate_rotating, intrinsics_of, solve_unweighted},
+    numerics::NORMAL_95,
+    pairs::{ImagePair, PointMatch, direct_linear_transformation, gold_standard_homography},
+    start::{Constraint, rotating_camera, unweighted_camera},
     synthetic::{HeightModel, MotionSpec, NOMINAL_RANGE, PointScene, SyntheticPair, cramer_rao_bound},
 };
 
@@ -293,16 +293,13 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
         error_px: [k.fx - truth.fx, k.fy - truth.fy, k.cx - truth.cx, k.cy - truth.cy],
         sigma_px,
     };
-    let linear: Option<Vec<ComplexPoint>> =
-        pairs.iter().map(|p| linear_circular_point(&p.pair.matches, &frame)).collect();
+    let linear: Option<Vec<Matrix3<f64>>> = pairs.iter().map(|p| linear_homography(&p.pair.matches, &frame)).collect();
     let homographies: Option<Vec<_>> =
-        pairs.iter().map(|p| refine(&p.pair.matches, None, &frame, &RefineOptions::default()).ok()).collect();
-    let gold: Option<Vec<ComplexPoint>> = homographies
-        .as_ref()
-        .and_then(|all| all.iter().map(|h| Some(complex_pair_eigen(&h.in_frame)?.complex_right)).collect());
-    let planar = |points: &Option<Vec<ComplexPoint>>, constraint: Constraint| {
-        let p = solve_unweighted(points.as_ref()?, constraint, 1.0).ok()?;
-        Some(as_estimate(frame.intrinsics_to_pixel(&intrinsics_of(&p)), None))
+        pairs.iter().map(|p| gold_standard_homography(&p.pair.matches, &frame).ok()).collect();
+    let gold: Option<Vec<Matrix3<f64>>> = homographies.as_ref().map(|all| all.iter().map(|h| h.in_frame).collect());
+    let planar = |homographies: &Option<Vec<Matrix3<f64>>>, constraint: Constraint| {
+        let k = unweighted_camera(homographies.as_ref()?, &frame, constraint, 1.0).ok()?;
+        Some(as_estimate(k, None))
     };
     let estimates = Method::ALL.map(|method| {
         let found = match method {
@@ -310,9 +307,8 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
             Method::PlanarGoldStandard(constraint) => planar(&gold, constraint),
             Method::Rotating(constraint) => {
                 // `Square` knows the true shape of the pixels.
-                let options =
-                    RotatingOptions { constraint, aspect: truth.fy / truth.fx, weighting: Weighting::Uniform };
-                homographies.as_ref().and_then(|all| calibrate_rotating(all, &options).ok()).map(|s| {
+                let aspect = truth.fy / truth.fx;
+                homographies.as_ref().and_then(|all| rotating_camera(all, constraint, aspect).ok()).map(|s| {
                     let c = &s.covariance_px;
                     as_estimate(s.intrinsics, Some(std::array::from_fn(|i| c[(i, i)].sqrt())))
                 })
@@ -332,12 +328,11 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
     Trial { true_fx_px: truth.fx, estimates, bound_px, fewest_matches }
 }
 
-/// The circular point of the normalised linear homography, nothing refined.
-pub(super) fn linear_circular_point(matches: &[PointMatch], frame: &Frame) -> Option<ComplexPoint> {
+/// The normalised linear homography in the frame, nothing refined.
+pub(super) fn linear_homography(matches: &[PointMatch], frame: &Frame) -> Option<Matrix3<f64>> {
     let local: Vec<PointMatch> =
         matches.iter().map(|m| PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m }).collect();
-    let (h, _) = direct_linear_transformation(&local)?;
-    Some(complex_pair_eigen(&h)?.complex_right)
+    direct_linear_transformation(&local).map(|(h, _)| h)
 }
 
 /// The front door: camera and standard deviations of (fx, fy, cx, cy). It is told which pairs are motions, that the lens has

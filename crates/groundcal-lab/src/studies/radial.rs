@@ -4,22 +4,19 @@
 //! Scenes are those of [`super::figure4`] with points distorted by the division model, whose λ all methods estimate; the camera follows
 //! from the homographies by the linear method with zero skew.
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix3, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::studies::{
-    figure4::{Condition, linear_circular_point, quantile, scene},
+    figure4::{Condition, linear_homography, quantile, scene},
     setting::Setting,
 };
 use groundcal::{
-    geometry::Frame,
-    numerics::{ComplexPoint, complex_pair_eigen},
-    pairs::{
-        DivisionModel, HomographyEstimate, PointMatch, RefineOptions, division_closed_form, refine, refine_division,
-    },
-    start::{Constraint, intrinsics_of, solve_unweighted},
+    geometry::{Division, Frame, Lens},
+    pairs::{HomographyEstimate, PointMatch, division_of_motion, division_of_motions, gold_standard_homography},
+    start::{Constraint, unweighted_camera},
 };
 
 /// True λ: a corner pulled in by a fifth (k1 near -0.08 for a focal length of 1000 px at 1280 x 960).
@@ -68,13 +65,13 @@ pub struct Outcome {
 pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcome; 4] {
     let scene = scene(&Condition { noise_px: 0.0, setting, ..Condition::default() }, seed, number);
     let frame = Frame::new(scene.size, None);
-    let lens = DivisionModel { lambda: LAMBDA };
+    let lens = Lens::Division(Division::new(LAMBDA));
     let mut rng = Pcg64Mcg::seed_from_u64(scene.seed ^ 0x5ad1_a100);
     let mut seen = |p: &Vector2<f64>| {
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let noise = Vector2::new(normal(), normal()) * noise_px;
         // A barrel lens distorts any point.
-        frame.to_pixel(&lens.distort(&frame.from_pixel(p)).unwrap_or_default()) + noise
+        frame.to_pixel(&lens.project(&frame.from_pixel(p).push(1.0)).unwrap_or_default()) + noise
     };
     let motions: Vec<Vec<PointMatch>> = scene
         .pairs()
@@ -82,25 +79,23 @@ pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcom
         .map(|p| p.pair.matches.iter().map(|m| PointMatch { a: seen(&m.a), b: seen(&m.b), ..*m }).collect())
         .collect();
     let slices: Vec<&[PointMatch]> = motions.iter().map(Vec::as_slice).collect();
-    let options = RefineOptions::default();
-    let fx_error = |points: Option<Vec<ComplexPoint>>| {
-        let p = solve_unweighted(&points?, Constraint::ZeroSkew, 1.0).ok()?;
-        Some(frame.intrinsics_to_pixel(&intrinsics_of(&p)).fx / scene.intrinsics.fx - 1.0).filter(|e| e.is_finite())
+    let fx_error = |homographies: Option<Vec<Matrix3<f64>>>| {
+        let k = unweighted_camera(&homographies?, &frame, Constraint::ZeroSkew, 1.0).ok()?;
+        Some(k.fx / scene.intrinsics.fx - 1.0).filter(|e| e.is_finite())
     };
-    let of_estimates = |all: Option<Vec<HomographyEstimate>>| {
-        fx_error(all.and_then(|all| all.iter().map(|h| Some(complex_pair_eigen(&h.in_frame)?.complex_right)).collect()))
-    };
+    let of_estimates =
+        |all: Option<Vec<HomographyEstimate>>| fx_error(all.map(|all| all.iter().map(|h| h.in_frame).collect()));
     let relative = |lambda: f64| lambda / LAMBDA - 1.0;
     Method::ALL.map(|method| match method {
         Method::Ignored => Outcome {
             lambda: None,
-            fx: of_estimates(slices.iter().map(|m| refine(m, None, &frame, &options).ok()).collect()),
+            fx: of_estimates(slices.iter().map(|m| gold_standard_homography(m, &frame).ok()).collect()),
         },
         Method::ClosedForm => {
-            let found: Vec<_> = slices.iter().map(|m| division_closed_form(m, &frame)).collect();
+            let found: Vec<_> = slices.iter().map(|m| division_of_motion(m, &frame)).collect();
             // Homographies of ideal points by the linear method, as where there is no lens.
-            let points = found.iter().zip(&slices).map(|(found, matches)| {
-                let model = (*found)?.model;
+            let homographies = found.iter().zip(&slices).map(|(found, matches)| {
+                let model = Lens::Division(Division::new((*found)?));
                 let ideal: Option<Vec<PointMatch>> = matches
                     .iter()
                     .map(|m| {
@@ -108,23 +103,20 @@ pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcom
                         Some(PointMatch { a: undo(&m.a)?, b: undo(&m.b)?, ..*m })
                     })
                     .collect();
-                linear_circular_point(&ideal?, &frame)
+                linear_homography(&ideal?, &frame)
             });
-            Outcome { lambda: found[0].map(|f| relative(f.model.lambda)), fx: fx_error(points.collect()) }
+            Outcome { lambda: found[0].map(relative), fx: fx_error(homographies.collect()) }
         }
         Method::EachHomography => {
-            let found: Vec<_> = slices.iter().map(|m| refine_division(&[m], &frame, None, &options).ok()).collect();
+            let found: Vec<_> = slices.iter().map(|m| division_of_motions(&[m], &frame).ok()).collect();
             Outcome {
-                lambda: found[0].as_ref().map(|f| relative(f.model.lambda)),
-                fx: of_estimates(found.into_iter().map(|f| f?.homographies.into_iter().next()).collect()),
+                lambda: found[0].as_ref().map(|f| relative(f.0)),
+                fx: of_estimates(found.into_iter().map(|f| f?.1.into_iter().next()).collect()),
             }
         }
         Method::AllHomographies => {
-            let found = refine_division(&slices, &frame, None, &options).ok();
-            Outcome {
-                lambda: found.as_ref().map(|f| relative(f.model.lambda)),
-                fx: of_estimates(found.map(|f| f.homographies)),
-            }
+            let found = division_of_motions(&slices, &frame).ok();
+            Outcome { lambda: found.as_ref().map(|f| relative(f.0)), fx: of_estimates(found.map(|f| f.1)) }
         }
     })
 }

@@ -5,14 +5,12 @@ use crate::studies::{
     figure4::{Condition, scene},
     setting::Setting,
 };
-use crate::subsets::rank_subsets;
+use crate::{rank_correlation::spearman, subsets::rank_subsets};
 use groundcal::synthetic::{HeightModel, cramer_rao_bound};
 use groundcal::{
     geometry::Frame,
-    numerics::{ComplexPoint, spearman},
-    pairs::{RefineOptions, from_homography, refine},
-    select::{HorizonSides, Motion},
-    start::{CameraOptions, Constraint, intrinsics_of, solve_unweighted},
+    pairs::{HomographyEstimate, gold_standard_homography, shows_turn},
+    start::{Constraint, unweighted_camera},
 };
 
 /// Motions of a scene.
@@ -52,36 +50,20 @@ pub fn trial(size: usize, setting: Setting, noise_px: f64, seed: u64, number: u6
     let scene = scene(&condition, seed, number);
     let frame = Frame::new(scene.size, None);
     let pairs = scene.pairs();
-    let motions: Vec<Motion> = pairs
-        .iter()
-        .map(|p| {
-            let h = refine(&p.pair.matches, None, &frame, &RefineOptions::default()).ok()?;
-            let geometry = from_homography(&h).ok()?;
-            Some(Motion { from: p.pair.from.into(), to: p.pair.to.into(), geometry, sides: HorizonSides::One })
-        })
-        .collect::<Option<_>>()?;
-    let options = CameraOptions {
-        constraint: Constraint::ZeroSkew,
-        aspect: 1.0,
-        aspect_sigma: 1.0,
-        principal_point_sigma_px: scene.size.width as f64,
-        given: Vec::new(),
-        attitude_sigma_rad: 0.0,
-        estimate_attitude_sigma: false,
-    };
+    let fit = |matches: &[_]| gold_standard_homography(matches, &frame).ok().filter(shows_turn);
+    let motions: Vec<HomographyEstimate> = pairs.iter().map(|p| fit(&p.pair.matches)).collect::<Option<_>>()?;
     let fx = scene.intrinsics.fx;
     let relative = |found: f64| Some(found / fx - 1.0).filter(|e: &f64| e.is_finite());
-    let subsets = rank_subsets(&motions, &frame, &options, size).ok()?;
+    let subsets = rank_subsets(&motions, Constraint::ZeroSkew, size).ok()?;
     let ranked: Vec<(bool, Ranked)> = subsets
         .iter()
         .map(|s| {
-            let points: Vec<ComplexPoint> =
-                s.motions.iter().map(|&i| motions[i].geometry.circular_point.point).collect();
-            let linear = solve_unweighted(&points, Constraint::ZeroSkew, 1.0).ok();
+            let chosen: Vec<_> = s.motions.iter().map(|&i| motions[i].in_frame).collect();
+            let linear = unweighted_camera(&chosen, &frame, Constraint::ZeroSkew, 1.0).ok();
             let ranked = Ranked {
                 predicted: s.predicted_sigma(),
                 weighted: s.camera.as_ref().ok().and_then(|c| relative(c.intrinsics.fx)),
-                linear: linear.and_then(|p| relative(frame.intrinsics_to_pixel(&intrinsics_of(&p)).fx)),
+                linear: linear.and_then(|k| relative(k.fx)),
             };
             (s.motions.iter().copied().eq(0..size), ranked)
         })

@@ -11,9 +11,8 @@ use crate::studies::{
 use groundcal::synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound};
 use groundcal::{
     geometry::Frame,
-    numerics::{ComplexPoint, complex_pair_eigen},
-    pairs::{HomographyEstimate, RefineOptions, refine},
-    start::{Constraint, calibrate_transferred, intrinsics_of, solve_unweighted},
+    pairs::{HomographyEstimate, gold_standard_homography},
+    start::{Constraint, calibrate_transferred, unweighted_camera},
 };
 
 /// Turn of the motion that is transferred where that of the others is varied, degrees.
@@ -116,19 +115,14 @@ pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 4] {
     let frame = Frame::new(base.size, None);
     let pairs = base.pairs();
     let fit = |pairs: &[SyntheticPair]| -> Option<Vec<HomographyEstimate>> {
-        pairs.iter().map(|p| refine(&p.pair.matches, None, &frame, &RefineOptions::default()).ok()).collect()
+        pairs.iter().map(|p| gold_standard_homography(&p.pair.matches, &frame).ok()).collect()
     };
     let own = fit(&pairs);
     let relative = |fx: f64| Some(fx / base.intrinsics.fx - 1.0).filter(|e: &f64| e.is_finite());
     Method::ALL.map(|method| match method {
         Method::AllMotions => {
-            let points: Vec<ComplexPoint> = own
-                .as_ref()?
-                .iter()
-                .map(|h| Some(complex_pair_eigen(&h.in_frame)?.complex_right))
-                .collect::<Option<_>>()?;
-            let p = solve_unweighted(&points, Constraint::ZeroSkew, 1.0).ok()?;
-            relative(frame.intrinsics_to_pixel(&intrinsics_of(&p)).fx)
+            let matrices: Vec<_> = own.as_ref()?.iter().map(|h| h.in_frame).collect();
+            relative(unweighted_camera(&matrices, &frame, Constraint::ZeroSkew, 1.0).ok()?.fx)
         }
         Method::OneTransferred => {
             let others = fit(&links.pairs())?;

@@ -7,7 +7,7 @@ mod model;
 mod pictures;
 mod sections;
 
-use groundcal::{remedy::Wording, result::Calibration, vision::GrayImage};
+use groundcal::{Wording, result::Calibration, vision::GrayImage};
 
 use crate::{canvas::svg::escape, error::ReportError};
 use pictures::Pictures;

@@ -240,3 +240,6 @@ pub fn calibrate_circular_points(
         .collect::<Result<_, Error>>()?;
     solve_camera(&motions, &frame, &options.camera(size))
 }
+
+#[cfg(test)]
+mod tests;

@@ -171,12 +171,12 @@ impl Alternative {
 /// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
 const DECISIVE_GAIN: f64 = 100.0;
 
+/// What each alternative that was tried promised, by its name.
+type Prospects = Vec<(&'static str, Prospect)>;
+
 /// The best refinement of those with one assumption less; `None`: none is better. Those that promise most are tried first.
 /// With it what all promise.
-fn best_alternative(
-    input: &RefinementInput<'_>,
-    refined: &Refined,
-) -> Result<(Option<Refined>, Vec<(&'static str, Prospect)>), Error> {
+fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<(Option<Refined>, Prospects), Error> {
     let mut best: Option<(f64, Refined)> = None;
     let needed = 2.0 * RELEASE_ODDS.ln();
     let offer = |best: &mut Option<(f64, Refined)>, found: Option<(f64, Refined)>| {

@@ -22,3 +22,6 @@ pub use rectify::{Mosaic, rectify};
 pub use scale::{KnownDistance, with_floor_distance, with_uncertain_height};
 pub use undistort::{Fit, Undistortion};
 pub use view::{FloorGrid, FloorView};
+
+#[cfg(test)]
+mod tests;

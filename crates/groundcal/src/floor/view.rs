@@ -289,7 +289,10 @@ impl FloorView {
 
     /// Derivative of [`Self::floor_from_pixel`] by the same numbers; with their covariance it gives the error bars of points and
     /// distances on the floor. `None` where no floor is seen.
-    pub fn floor_point_jacobian(&self, pixel: &Vector2<f64>) -> Option<SMatrix<f64, 2, { ViewParameter::COUNT }>> {
+    pub(crate) fn floor_point_jacobian(
+        &self,
+        pixel: &Vector2<f64>,
+    ) -> Option<SMatrix<f64, 2, { ViewParameter::COUNT }>> {
         self.floor_from_pixel(pixel)?;
         // What falls off the lens's edge within the step has no derivative.
         let nowhere = Vector2::repeat(f64::NAN);

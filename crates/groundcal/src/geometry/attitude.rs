@@ -37,12 +37,12 @@ pub fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {
 }
 
 /// The rotation of world coordinates about the plane's normal that a camera's yaw stands for: `Rz(-yaw)`, in radians.
-pub fn yaw_rotation(yaw_rad: f64) -> Matrix3<f64> {
+pub(crate) fn yaw_rotation(yaw_rad: f64) -> Matrix3<f64> {
     let (s, c) = yaw_rad.sin_cos();
     Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
-/// Camera coordinates from world coordinates (rotation only): [`attitude_rotation`] times [`yaw_rotation`], in radians.
+/// Camera coordinates from world coordinates (rotation only): [`attitude_rotation`] times the rotation by the yaw, in radians.
 pub fn rotation_cam_from_world(pitch_down_rad: f64, roll_rad: f64, yaw_rad: f64) -> Matrix3<f64> {
     attitude_rotation(pitch_down_rad, roll_rad) * yaw_rotation(yaw_rad)
 }

@@ -68,12 +68,12 @@ impl Constraint {
     }
 
     /// Number of unknowns.
-    pub fn unknowns(self) -> usize {
+    pub(crate) fn unknowns(self) -> usize {
         self.free().iter().filter(|f| **f).count()
     }
 
     /// Different attitudes needed.
-    pub fn attitudes_needed(self) -> usize {
+    pub(crate) fn attitudes_needed(self) -> usize {
         match self {
             Constraint::Full => 3,
             Constraint::ZeroSkew | Constraint::Square => 2,

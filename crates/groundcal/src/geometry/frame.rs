@@ -39,13 +39,13 @@ impl Frame {
     }
 
     /// The matrix that takes homogeneous pixels to frame coordinates.
-    pub fn frame_matrix(&self) -> Matrix3<f64> {
+    pub(crate) fn frame_matrix(&self) -> Matrix3<f64> {
         let s = 1.0 / self.scale_px;
         Matrix3::new(s, 0.0, -self.origin_px.x * s, 0.0, s, -self.origin_px.y * s, 0.0, 0.0, 1.0)
     }
 
     /// A camera matrix in pixels from one in frame units.
-    pub fn intrinsics_to_pixel(&self, k: &Intrinsics) -> Intrinsics {
+    pub(crate) fn intrinsics_to_pixel(&self, k: &Intrinsics) -> Intrinsics {
         Intrinsics {
             fx: k.fx * self.scale_px,
             fy: k.fy * self.scale_px,
@@ -56,7 +56,7 @@ impl Frame {
     }
 
     /// Derivatives of (fx, fy, cx, cy, skew) in pixels by (ln fx, ln fy/fx, cx, cy, skew) in frame units.
-    pub fn pixels_by_logarithms(&self, k_px: &Intrinsics) -> SMatrix<f64, 5, 5> {
+    pub(crate) fn pixels_by_logarithms(&self, k_px: &Intrinsics) -> SMatrix<f64, 5, 5> {
         let mut jacobian = SMatrix::from_diagonal_element(self.scale_px);
         jacobian[(0, 0)] = k_px.fx;
         (jacobian[(1, 0)], jacobian[(1, 1)]) = (k_px.fy, k_px.fy);
@@ -64,7 +64,7 @@ impl Frame {
     }
 
     /// A camera matrix in frame units from one in pixels.
-    pub fn intrinsics_from_pixel(&self, k: &Intrinsics) -> Intrinsics {
+    pub(crate) fn intrinsics_from_pixel(&self, k: &Intrinsics) -> Intrinsics {
         Intrinsics {
             fx: k.fx / self.scale_px,
             fy: k.fy / self.scale_px,

@@ -58,7 +58,7 @@ impl Homography {
     }
 
     /// The same map in frame coordinates, unit Frobenius norm.
-    pub fn in_frame(&self, frame: &Frame) -> Matrix3<f64> {
+    pub(crate) fn in_frame(&self, frame: &Frame) -> Matrix3<f64> {
         let m = frame.frame_matrix() * self.0 * frame.pixel_matrix();
         m / m.norm()
     }

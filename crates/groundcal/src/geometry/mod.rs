@@ -12,7 +12,7 @@ pub(crate) mod parameters;
 pub(crate) mod plane_view;
 pub(crate) mod size;
 
-pub use attitude::{angles_from_rotation, attitude_rotation, rotation_cam_from_world, up_in_camera, yaw_rotation};
+pub use attitude::{angles_from_rotation, attitude_rotation, rotation_cam_from_world, up_in_camera};
 pub use camera::{Camera, CameraProjection, INTRINSIC_NAMES};
 pub use camera_difference::{CameraDifference, PixelDifference, Significance, camera_difference, significance};
 pub use constraint::Constraint;
@@ -21,5 +21,5 @@ pub use homography::{Homography, HomographyCovariance, covariance_in_frame};
 pub use intrinsics::Intrinsics;
 pub use lens::{Division, Fisheye, Lens, Radtan};
 pub use parameters::{Parameter, PriorParameter};
-pub use plane_view::{View, project};
+pub use plane_view::View;
 pub use size::ImageSize;

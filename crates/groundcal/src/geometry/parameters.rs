@@ -129,7 +129,7 @@ pub enum PriorParameter {
 }
 
 impl PriorParameter {
-    /// All, in the order of the camera's numbers in the joint refinement ([`crate::refine`]).
+    /// All, in the order of the camera's numbers in the joint refinement.
     pub const ALL: [PriorParameter; 10] = [
         PriorParameter::Fx,
         PriorParameter::Aspect,

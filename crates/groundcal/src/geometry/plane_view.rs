@@ -7,8 +7,11 @@
 //! (see [`crate::geometry::attitude`] for the angles). The model of the synthetic scenes and of the Cramér-Rao bound; that of the joint
 //! refinement, with a lens and homogeneous points, is that of [`crate::refine`].
 
-use nalgebra::{SMatrix, Vector2, Vector3};
+use nalgebra::Vector3;
+#[cfg(feature = "synthetic")]
+use nalgebra::{SMatrix, Vector2};
 
+#[cfg(feature = "synthetic")]
 use crate::geometry::{
     attitude::{attitude_rotation, yaw_rotation},
     intrinsics::Intrinsics,
@@ -28,19 +31,23 @@ pub struct View {
 }
 
 /// Number of derivatives of [`project_with_jacobian`].
+#[cfg(feature = "synthetic")]
 pub(crate) const PARAMETERS: usize = 13;
 
 /// Order of the derivatives: (fx, fy, cx, cy, skew), (pitch, roll), yaw, centre (x, y, height), point (X, Y).
+#[cfg(feature = "synthetic")]
 pub(crate) type ProjectionJacobian = SMatrix<f64, 2, PARAMETERS>;
 
 /// The pixel of a floor point; `None` when it lies behind the camera.
-pub fn project(k: &Intrinsics, view: &View, point: &Vector2<f64>) -> Option<Vector2<f64>> {
+#[cfg(test)]
+pub(crate) fn project(k: &Intrinsics, view: &View, point: &Vector2<f64>) -> Option<Vector2<f64>> {
     let w = yaw_rotation(view.yaw_rad) * (Vector3::new(point.x, point.y, 0.0) - view.centre);
     let x = attitude_rotation(view.pitch_down_rad, view.roll_rad) * w;
     (x.z > 0.0).then(|| k.pixel_from_normalised(&Vector2::new(x.x / x.z, x.y / x.z)))
 }
 
 /// The pixel of a floor point and its derivatives.
+#[cfg(feature = "synthetic")]
 pub(crate) fn project_with_jacobian(
     k: &Intrinsics,
     view: &View,

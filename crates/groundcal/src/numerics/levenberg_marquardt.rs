@@ -73,7 +73,7 @@ pub(crate) trait LeastSquares {
 
 /// Which steps are taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum StepPolicy {
+pub(crate) enum StepPolicy {
     /// Those that lower the cost (Levenberg-Marquardt).
     #[default]
     Damped,
@@ -83,7 +83,7 @@ pub enum StepPolicy {
 
 /// When to stop.
 #[derive(Debug, Clone, Copy)]
-pub struct LmOptions {
+pub(crate) struct LmOptions {
     /// Which steps are taken.
     pub descent: StepPolicy,
     /// Most steps tried.

@@ -3,7 +3,7 @@
 use nalgebra::{Complex, DMatrix, DVector, Matrix3, SMatrix, SVector, SymmetricEigen, Vector3};
 
 /// A complex 3-vector: a point of the complex projective plane.
-pub type ComplexPoint = Vector3<Complex<f64>>;
+pub(crate) type ComplexPoint = Vector3<Complex<f64>>;
 
 /// The matrix of the cross product: `cross_matrix(a) * b == a.cross(&b)`.
 pub(crate) fn cross_matrix(a: &Vector3<f64>) -> Matrix3<f64> {
@@ -50,7 +50,7 @@ pub(crate) fn sphere_tangent(v: &SVector<f64, 9>) -> SMatrix<f64, 9, 8> {
 
 /// Eigenvalues, ascending, and eigenvectors (columns) of a symmetric matrix; `None` when an entry is not finite or the
 /// iteration does not end.
-pub fn symmetric_eigen(m: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+pub(crate) fn symmetric_eigen(m: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
     if !m.iter().all(|v| v.is_finite()) {
         return None;
     }
@@ -78,7 +78,7 @@ pub(crate) fn inverse_spd(m: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 
 /// The eigenvalues and eigenvectors of a real 3x3 matrix that has one real eigenvalue and a complex pair.
 #[derive(Debug, Clone, Copy)]
-pub struct ComplexPairEigen {
+pub(crate) struct ComplexPairEigen {
     /// The real eigenvalue.
     pub real_value: f64,
     /// The eigenvalue of the pair with positive imaginary part.
@@ -95,7 +95,7 @@ pub struct ComplexPairEigen {
 
 /// Closed form: the real root of the characteristic cubic (polished by Newton steps), the quadratic that is left, and
 /// eigenvectors as the largest cross product of two rows of M - λI. `None` when all eigenvalues are real or coincide.
-pub fn complex_pair_eigen(m: &Matrix3<f64>) -> Option<ComplexPairEigen> {
+pub(crate) fn complex_pair_eigen(m: &Matrix3<f64>) -> Option<ComplexPairEigen> {
     let scale = m.norm();
     if !scale.is_finite() || scale == 0.0 {
         return None;

@@ -8,7 +8,6 @@ pub(crate) mod skyline;
 pub(crate) mod statistics;
 
 pub use graph::components;
-pub use levenberg_marquardt::{LmOptions, StepPolicy, StopReason};
-pub use linalg::{ComplexPairEigen, ComplexPoint, complex_pair_eigen, symmetric_eigen};
-pub use ransac::{RansacOptions, required_trials};
-pub use statistics::{HUBER_SIGMAS, NORMAL_95, median, spearman};
+pub use levenberg_marquardt::StopReason;
+pub use ransac::RansacOptions;
+pub use statistics::{HUBER_SIGMAS, NORMAL_95, median};

@@ -116,7 +116,7 @@ impl Magsac {
 
 /// The number of trials after which a sample of `size` out of `n` without an outlier has been drawn with probability
 /// `confidence`, when `inliers` of the `n` are good; exact for sampling without replacement.
-pub fn required_trials(inliers: usize, n: usize, size: usize, confidence: f64) -> usize {
+pub(crate) fn required_trials(inliers: usize, n: usize, size: usize, confidence: f64) -> usize {
     if inliers < size || n < size {
         return usize::MAX;
     }

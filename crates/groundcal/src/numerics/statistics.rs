@@ -60,27 +60,6 @@ pub fn median(values: &mut [f64]) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Spearman's rank correlation of two series of one length, ties sharing the mean of their ranks; 0 where one of them does not vary.
-pub fn spearman(x: &[f64], y: &[f64]) -> f64 {
-    let ranks = |values: &[f64]| {
-        let mut order: Vec<usize> = (0..values.len()).collect();
-        order.sort_by(|&i, &j| values[i].total_cmp(&values[j]));
-        let mut ranks = vec![0.0; values.len()];
-        for run in order.chunk_by(|&i, &j| values[i] == values[j]) {
-            let first = order.partition_point(|&i| values[i].total_cmp(&values[run[0]]).is_lt());
-            for &i in run {
-                ranks[i] = first as f64 + 0.5 * (run.len() - 1) as f64;
-            }
-        }
-        let mean = 0.5 * (values.len() as f64 - 1.0);
-        ranks.iter().map(|r| r - mean).collect::<Vec<f64>>()
-    };
-    let (x, y) = (ranks(x), ranks(y));
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(p, q)| p * q).sum::<f64>();
-    let scale = (product(&x, &x) * product(&y, &y)).sqrt();
-    if scale > 0.0 { product(&x, &y) / scale } else { 0.0 }
-}
-
 /// A standard deviation to be estimated from the data: a half-Cauchy prior of `scale` (Gelman 2006), on a logarithmic grid
 /// from `scale / below` to `scale * above`.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -148,15 +127,6 @@ mod tests {
         }
         assert!((chi_squared_survival(NORMAL_95 * NORMAL_95, 1) / 0.05 - 1.0).abs() < 1e-9);
         assert!((chi_squared_survival(HUBER_SIGMAS * HUBER_SIGMAS, 1) - 0.0027).abs() < 1e-5);
-    }
-
-    #[test]
-    fn rank_correlation_of_known_series() {
-        assert!((spearman(&[1.0, 2.0, 3.0, 4.0], &[10.0, 20.0, 25.0, 90.0]) - 1.0).abs() < 1e-15);
-        assert!((spearman(&[1.0, 2.0, 3.0], &[3.0, 2.0, -1.0]) + 1.0).abs() < 1e-15);
-        // Ranks 0.5, 0.5, 2 against 0, 1, 2: 1.5 / sqrt(1.5 * 2).
-        assert!((spearman(&[1.0, 1.0, 5.0], &[1.0, 2.0, 3.0]) - 0.75f64.sqrt()).abs() < 1e-15);
-        assert_eq!(spearman(&[1.0, 1.0], &[1.0, 2.0]), 0.0);
     }
 
     #[test]

@@ -20,7 +20,7 @@ use crate::{
 
 /// One of the two imaged circular points (the other is its conjugate) with its covariance, in frame coordinates.
 #[derive(Debug, Clone)]
-pub struct CircularPoint {
+pub(crate) struct CircularPoint {
     /// The point, unit length, of arbitrary phase.
     pub point: ComplexPoint,
     /// Two directions that complete it to a unitary basis: an error is e + α u + β v.
@@ -36,7 +36,7 @@ pub struct CircularPoint {
 
 /// The homography a circular point came from and the derivative of (Re α, Im α, Re β, Im β) by its entries.
 #[derive(Debug, Clone)]
-pub struct Sensitivity {
+pub(crate) struct Sensitivity {
     /// Frame coordinates, unit norm.
     pub h: Matrix3<f64>,
     /// 4x9, entries row by row.
@@ -57,7 +57,7 @@ fn unitary_tangent(e: &ComplexPoint) -> [ComplexPoint; 2] {
 impl CircularPoint {
     /// A circular point from elsewhere: any non-zero multiple of it, and the standard deviation of its direction (each
     /// of the four real components, radians-like units of a unit vector).
-    pub fn from_point(point: ComplexPoint, sigma: f64) -> Option<Self> {
+    pub(crate) fn from_point(point: ComplexPoint, sigma: f64) -> Option<Self> {
         let norm = point.norm();
         if !(norm.is_finite() && norm > 0.0 && sigma.is_finite() && sigma > 0.0) {
             return None;
@@ -127,7 +127,7 @@ impl CircularPoint {
     }
 
     /// The point moved by tangent coordinates.
-    pub fn moved(&self, step: &Vector4<f64>) -> ComplexPoint {
+    pub(crate) fn moved(&self, step: &Vector4<f64>) -> ComplexPoint {
         self.point + self.tangent[0] * Complex::new(step[0], step[1]) + self.tangent[1] * Complex::new(step[2], step[3])
     }
 }
@@ -146,7 +146,7 @@ fn bilinear_hermitian_gap(e: &ComplexPoint) -> f64 {
 
 /// What one motion says without a camera.
 #[derive(Debug, Clone)]
-pub struct MotionGeometry {
+pub(crate) struct MotionGeometry {
     /// The imaged circular point.
     pub circular_point: CircularPoint,
     /// Rotation angle, 0 to π (the sign needs the camera: see [`mod@crate::calibrate`]).
@@ -174,7 +174,7 @@ impl MotionGeometry {
 
 /// Why a homography has no usable circular points.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum NoCircularPoint {
+pub(crate) enum NoCircularPoint {
     /// All eigenvalues are real, or the imaginary part is not above the noise: translation, or a turn near 0 or 180
     /// degrees.
     NoRotation {
@@ -196,8 +196,13 @@ const MIN_SIGNIFICANCE: f64 = 8.0;
 /// Largest standard deviation of the point's direction for which first-order propagation means something.
 const MAX_DIRECTION_SIGMA: f64 = 0.3;
 
+/// Whether a homography shows a turn about the plane's normal above its noise: whether it has a circular point that is known.
+pub fn shows_turn(estimate: &HomographyEstimate) -> bool {
+    from_homography(estimate).is_ok()
+}
+
 /// The circular points of a homography with covariance.
-pub fn from_homography(estimate: &HomographyEstimate) -> Result<MotionGeometry, NoCircularPoint> {
+pub(crate) fn from_homography(estimate: &HomographyEstimate) -> Result<MotionGeometry, NoCircularPoint> {
     geometry(&estimate.in_frame, &estimate.covariance)
 }
 

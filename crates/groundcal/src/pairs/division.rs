@@ -37,7 +37,7 @@ use crate::{
 
 /// The division model, frame coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct DivisionModel {
+pub(crate) struct DivisionModel {
     /// λ in 1 / (frame units)²: negative for barrel distortion.
     pub lambda: f64,
 }
@@ -54,13 +54,14 @@ const MIN_DENOMINATOR: f64 = 0.02;
 
 impl DivisionModel {
     /// Measured to ideal; `None` where the model sends the point to or beyond infinity.
-    pub fn undistort(&self, x: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn undistort(&self, x: &Vector2<f64>) -> Option<Vector2<f64>> {
         let w = 1.0 + self.lambda * x.norm_squared();
         (w > MIN_DENOMINATOR).then(|| x / w)
     }
 
     /// Ideal to measured; `None` where no measured point becomes this one.
-    pub fn distort(&self, u: &Vector2<f64>) -> Option<Vector2<f64>> {
+    #[cfg(test)]
+    pub(crate) fn distort(&self, u: &Vector2<f64>) -> Option<Vector2<f64>> {
         let square = 1.0 - 4.0 * self.lambda * u.norm_squared();
         (square > 0.0).then(|| u * (2.0 / (1.0 + square.sqrt())))
     }
@@ -92,7 +93,7 @@ impl DivisionModel {
 
 /// A homography between ideal points and the distortion that makes them, frame coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DivisionHomography {
+pub(crate) struct DivisionHomography {
     /// Ideal points of a to those of b, unit Frobenius norm.
     pub in_frame: Matrix3<f64>,
     /// The lens.
@@ -109,7 +110,7 @@ const MAX_DENOMINATOR: f64 = 2.0;
 const EXPANSION_LAMBDA: f64 = 0.617;
 
 /// λ and H in closed form from five or more matches (pixels); `None` when no real λ leaves every point in front.
-pub fn division_closed_form(matches: &[PointMatch], frame: &Frame) -> Option<DivisionHomography> {
+pub(crate) fn division_closed_form(matches: &[PointMatch], frame: &Frame) -> Option<DivisionHomography> {
     if matches.len() < 5 {
         return None;
     }
@@ -298,10 +299,11 @@ impl LeastSquares for SharedLambdaProblem {
 
 /// Homographies and the one λ of their lens.
 #[derive(Debug, Clone)]
-pub struct DivisionEstimate {
+pub(crate) struct DivisionEstimate {
     /// The lens.
     pub model: DivisionModel,
     /// Standard deviation of λ, 1 / (frame units)².
+    #[cfg(test)]
     pub lambda_sigma: f64,
     /// One a motion, between ideal points, λ being free in their covariances.
     pub homographies: Vec<HomographyEstimate>,
@@ -312,7 +314,7 @@ pub struct DivisionEstimate {
 ///
 /// # Errors
 /// [`Error::DegeneratePoints`] where the matches do not tell a homography and λ.
-pub fn refine_division(
+pub(crate) fn refine_division(
     motions: &[&[PointMatch]],
     frame: &Frame,
     start: Option<DivisionModel>,
@@ -360,9 +362,24 @@ pub fn refine_division(
         .collect::<Result<_, Error>>()?;
     Ok(DivisionEstimate {
         model: out.state.model,
+        #[cfg(test)]
         lambda_sigma: (inverse[(n - 1, n - 1)] * variance).sqrt(),
         homographies,
     })
+}
+
+/// λ of one motion's matches in closed form, of points in the frame (Fitzgibbon 2001); `None`: no real solution.
+pub fn division_of_motion(matches: &[PointMatch], frame: &Frame) -> Option<f64> {
+    division_closed_form(matches, frame).map(|found| found.model.lambda)
+}
+
+/// λ that some motions share, of points in the frame, minimised together with their homographies, which are those of ideal points.
+///
+/// # Errors
+/// That of a motion without a homography.
+pub fn division_of_motions(motions: &[&[PointMatch]], frame: &Frame) -> Result<(f64, Vec<HomographyEstimate>), Error> {
+    let found = refine_division(motions, frame, None, &RefineOptions::default())?;
+    Ok((found.model.lambda, found.homographies))
 }
 
 #[cfg(test)]

@@ -17,11 +17,14 @@ pub(crate) mod refine;
 pub(crate) mod residual;
 pub(crate) mod robust;
 
-pub use circular_points::{CircularPoint, MotionGeometry, NoCircularPoint, Sensitivity, from_homography};
+pub use circular_points::shows_turn;
 pub use correspondence::{ImagePair, PointMatch, validated};
-pub use division::{DivisionEstimate, DivisionHomography, DivisionModel, division_closed_form, refine_division};
+pub use division::{division_of_motion, division_of_motions};
 pub use dlt::direct_linear_transformation;
 pub use pair_lens::RadialCorrection;
 pub use placed_lens::PlacedLens;
-pub use refine::{HomographyEstimate, RefineOptions, refine};
+pub use refine::{HomographyEstimate, gold_standard_homography};
 pub use robust::{RobustHomography, RobustOptions, estimate_robust};
+
+#[cfg(test)]
+mod tests;

@@ -91,7 +91,7 @@ fn replaced_by_patches(
     let [a, b] = pair.images().map(|image| &images[image.index()]);
     let map = |p: &Vector2<f64>| carried(&plane.estimate.h_b_from_a, p, lens);
     let patches = match_patches_until(a, grid, b, &map, &options.patches, observer)?;
-    let matches: Vec<PointMatch> = patches.iter().map(|m| m.to_point_match(options.patches.model_sigma_px)).collect();
+    let matches: Vec<PointMatch> = patches.iter().map(|m| m.point_match(options.patches.model_sigma_px)).collect();
     if matches.len() < MIN_PATCHES {
         return Ok(None);
     }

@@ -154,7 +154,7 @@ pub(crate) const SIGMA_FLOOR_PX: f64 = 0.01;
 
 /// Options of [`refine`].
 #[derive(Debug, Clone, Copy)]
-pub struct RefineOptions {
+pub(crate) struct RefineOptions {
     /// Squared residuals were cut at this quantile of their distribution before (1: not cut): the noise estimate allows
     /// for it.
     pub kept_fraction: f64,
@@ -183,13 +183,21 @@ pub(crate) fn to_frame(matches: &[PointMatch], frame: &Frame) -> Vec<PointMatch>
 
 /// Maximum likelihood homography of four or more matches (pixels), all of them inliers, from a start in frame coordinates
 /// (default: linear), with its covariance.
-pub fn refine(
+pub(crate) fn refine(
     matches: &[PointMatch],
     start: Option<&Matrix3<f64>>,
     frame: &Frame,
     options: &RefineOptions,
 ) -> Result<HomographyEstimate, Error> {
     refine_until(matches, start, frame, options, &Silent)
+}
+
+/// Maximum likelihood homography of four or more matches (pixels), all of them inliers, with its covariance (gold standard).
+///
+/// # Errors
+/// [`Error::DegeneratePoints`] for points that determine none.
+pub fn gold_standard_homography(matches: &[PointMatch], frame: &Frame) -> Result<HomographyEstimate, Error> {
+    refine(matches, None, frame, &RefineOptions::default())
 }
 
 /// The same under an observer's eyes; [`Error::Stopped`] when it says so.

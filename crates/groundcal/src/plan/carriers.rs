@@ -77,7 +77,7 @@ impl Carrier {
     }
 
     /// How it usually moves at a height.
-    pub fn motion(self, height_m: f64) -> CarrierMotion {
+    pub(crate) fn motion(self, height_m: f64) -> CarrierMotion {
         let (tilts_deg, axis_offset_m): (&[f64], f64) = match self {
             Carrier::Tripod => (&[20.0, 30.0, 40.0, 50.0, 60.0], 0.1),
             Carrier::PanHead => (&[10.0, 20.0, 30.0, 40.0, 50.0, 60.0], 0.05),
@@ -112,7 +112,7 @@ pub(crate) fn turns_up_to_deg(max_turn_deg: f64) -> Vec<f64> {
 
 impl CarrierMotion {
     /// In radians and heights of the camera.
-    pub fn rig(&self) -> Rig {
+    pub(crate) fn rig(&self) -> Rig {
         let radians = |values: &[f64]| values.iter().map(|v| v.to_radians()).collect();
         Rig {
             pitches_down_rad: radians(&self.tilts_deg),

@@ -1,6 +1,6 @@
 //! Capture advice: which motions to make, and how well the camera will be known from them.
 //!
-//! [`PlanRequest`] asks in the words of a person ("a tripod, f about 900 px") and gives a [`PlanReport`]; [`Planner`] is what both stand on.
+//! [`PlanRequest`] asks in the words of a person ("a tripod, f about 900 px") and gives a [`PlanReport`].
 
 pub(crate) mod after;
 mod candidate;
@@ -13,6 +13,9 @@ mod search;
 
 pub use after::start_after;
 pub use carriers::{Carrier, CarrierMotion};
-pub use planner::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start, VarianceShares};
+pub use planner::{Plan, PlannedMotion, Prediction, VarianceShares};
 pub use report::{Assumptions, PlanReport};
 pub use request::{MAX_MOTIONS, PlanRequest, RequestError};
+
+#[cfg(test)]
+mod tests;

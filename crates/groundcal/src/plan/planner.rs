@@ -39,7 +39,7 @@ use crate::{
 
 /// How a camera can move. Every pitch may be combined with every roll and every turn.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rig {
+pub(crate) struct Rig {
     /// Angles of the optical axis below the horizontal, radians.
     pub pitches_down_rad: Vec<f64>,
     /// Rolls, radians.
@@ -54,7 +54,7 @@ pub struct Rig {
 
 /// What is planned for.
 #[derive(Debug, Clone)]
-pub struct PlanOptions {
+pub(crate) struct PlanOptions {
     /// The camera as it is thought to be, pixels.
     pub intrinsics: Intrinsics,
     /// Its lens.
@@ -75,10 +75,10 @@ pub struct PlanOptions {
 }
 
 /// A calibration to be improved: the covariance of its camera in pixels squared, zero rows for what it held. It has the priors in it.
-pub type Start = Covariance<Parameter>;
+pub(crate) type Start = Covariance<Parameter>;
 
 /// Relative standard deviation of heights taken where none is given: that of a tripod or a robot on a floor.
-pub const HEIGHT_SIGMA: f64 = 1e-3;
+pub(crate) const HEIGHT_SIGMA: f64 = 1e-3;
 /// Fewest matches of a motion, as in the calibration of images.
 pub(crate) const MIN_MATCHES: f64 = 15.0;
 /// Least part of the first image's floor that the second must show.
@@ -155,7 +155,7 @@ fn round(degrees: f64) -> f64 {
 }
 
 /// Everything a plan is made with.
-pub struct Planner {
+pub(crate) struct Planner {
     setting: Setting,
     rig: Rig,
     motions: usize,
@@ -218,7 +218,7 @@ impl Planner {
     ///
     /// # Errors
     /// [`Error::InvalidOption`], [`Error::InvalidInput`] for a covariance that is none.
-    pub fn new(options: &PlanOptions, start: Option<&Start>) -> Result<Self, Error> {
+    pub(crate) fn new(options: &PlanOptions, start: Option<&Start>) -> Result<Self, Error> {
         options.validate()?;
         let (size, calibration) = (options.size, &options.calibration);
         let frame = Frame::new(size, calibration.principal_point_px);
@@ -281,17 +281,18 @@ impl Planner {
     }
 
     /// A motion of the rig, height 1.
-    pub fn motion(&self, pitch_down_rad: f64, roll_rad: f64, turn_rad: f64) -> MotionSpec {
+    pub(crate) fn motion(&self, pitch_down_rad: f64, roll_rad: f64, turn_rad: f64) -> MotionSpec {
         MotionSpec::about_axis(pitch_down_rad, roll_rad, turn_rad, self.rig.axis_offset, 1.0)
     }
 
     /// Part of the first image of a motion whose floor the second shows too: `points` times this is the number of its matches.
-    pub fn shared_fraction(&self, motion: &MotionSpec) -> f64 {
+    pub(crate) fn shared_fraction(&self, motion: &MotionSpec) -> f64 {
         self.setting.shared_floor(motion).fraction
     }
 
     /// How well the camera is known from what was known before and these motions; `None` when they do not determine it.
-    pub fn predict(&self, motions: &[MotionSpec]) -> Option<Prediction> {
+    #[cfg(test)]
+    pub(crate) fn predict(&self, motions: &[MotionSpec]) -> Option<Prediction> {
         let of = |m: &MotionSpec| self.setting.information(m, &self.setting.shared_floor(m), 1);
         let sum = motions.iter().map(of).sum::<Option<CameraMatrix>>()?;
         self.prediction(&(self.base + sum)).ok()
@@ -302,7 +303,7 @@ impl Planner {
     /// # Errors
     /// [`Error::Undetermined`] or [`Error::TooFewAttitudes`] when no motions of the rig tell what the constraint asks for, with
     /// the reason and what to change.
-    pub fn plan(&self) -> Result<Plan, Error> {
+    pub(crate) fn plan(&self) -> Result<Plan, Error> {
         self.refuse_undetermined()?;
         let candidates = self.candidates()?;
         // A rig of one attitude goes on from picture to picture.

@@ -102,7 +102,7 @@ impl PlanRequest {
     /// [`RequestError`].
     ///
     /// ```
-    /// use groundcal::{plan::PlanRequest, remedy::Plain};
+    /// use groundcal::{Plain, plan::PlanRequest};
     ///
     /// let report = PlanRequest { motions: Some(3), ..PlanRequest::default() }.report(None, &Plain).unwrap();
     /// assert_eq!(report.motions.len(), 3);

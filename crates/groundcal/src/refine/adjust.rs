@@ -9,7 +9,7 @@ use crate::{
         levenberg_marquardt::{Linearisation, LmOutput, minimise_until},
         skyline::{Skyline, SkylineCholesky},
     },
-    observer::{Observer, Silent},
+    observer::Observer,
     refine::{
         blocks::{BundleOptions, State},
         bundle::{Bundle, CameraEstimate},
@@ -38,13 +38,14 @@ const CAMERA_TOLERANCE_SIGMAS: f64 = 0.02;
 /// # Errors
 /// [`Error::InvalidInput`] when tracks, cameras and frames do not fit; [`Error::Numerical`] when the start is outside the model or
 /// the information is singular.
-pub fn adjust(
+#[cfg(test)]
+pub(crate) fn adjust(
     scene: SceneModel,
     tracks: &[Track],
     starts: Vec<State>,
     options: &BundleOptions,
 ) -> Result<Bundle, Error> {
-    adjust_until(scene, tracks, starts, options, &Silent)
+    adjust_until(scene, tracks, starts, options, &crate::observer::Silent)
 }
 
 /// The same under an observer's eyes; [`Error::Stopped`] when it says so.

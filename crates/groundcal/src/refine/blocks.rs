@@ -54,7 +54,7 @@ pub(crate) type Prior = (f64, f64);
 
 /// A camera: its matrix and its lens.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraState {
+pub(crate) struct CameraState {
     /// Camera matrix, in units of the camera's frame.
     pub matrix: MatrixNumbers,
     /// Lens.
@@ -63,13 +63,13 @@ pub struct CameraState {
 
 impl CameraState {
     /// From a camera matrix in pixels.
-    pub fn new(intrinsics_px: &Intrinsics, lens: &Lens, frame: &Frame) -> Self {
+    pub(crate) fn new(intrinsics_px: &Intrinsics, lens: &Lens, frame: &Frame) -> Self {
         let k = frame.intrinsics_from_pixel(intrinsics_px);
         Self { matrix: MatrixNumbers::from([k.fx.ln(), (k.fy / k.fx).ln(), k.cx, k.cy, k.skew]), lens: *lens }
     }
 
     /// The camera matrix in frame units.
-    pub fn intrinsics_in_frame(&self) -> Intrinsics {
+    pub(crate) fn intrinsics_in_frame(&self) -> Intrinsics {
         let p = &self.matrix;
         let fx = p[0].exp();
         Intrinsics { fx, fy: fx * p[1].exp(), cx: p[2], cy: p[3], skew: p[4] }
@@ -91,7 +91,7 @@ impl CameraState {
     }
 
     /// The numbers of the block in their order.
-    pub fn numbers(&self) -> DVector<f64> {
+    pub(crate) fn numbers(&self) -> DVector<f64> {
         DVector::from_iterator(self.count(), self.matrix.iter().copied().chain(self.lens.parameters()))
     }
 
@@ -110,7 +110,7 @@ impl CameraState {
 
 /// Where a camera sits in the rig: camera from the coordinates of the rig's first camera, lengths in the world's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RigPose {
+pub(crate) struct RigPose {
     /// Rotation.
     pub rotation: Matrix3<f64>,
     /// Translation.
@@ -132,7 +132,7 @@ impl RigPose {
 
 /// What a group of frames shares.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct GroupState {
+pub(crate) struct GroupState {
     /// A: camera coordinates from level coordinates with the camera's heading.
     pub attitude: Matrix3<f64>,
     /// Logarithm of the height.
@@ -141,7 +141,7 @@ pub struct GroupState {
 
 impl GroupState {
     /// The attitude turned by a small step about two level axes.
-    pub fn turned(&self, step: [f64; 2]) -> Matrix3<f64> {
+    pub(crate) fn turned(&self, step: [f64; 2]) -> Matrix3<f64> {
         self.attitude * rotation_x(step[0]) * rotation_y(step[1])
     }
 }
@@ -149,7 +149,7 @@ impl GroupState {
 /// In what a frame's picture departs from those of the others: a lens that was focused or zoomed again, a shutter that rolled while the
 /// camera turned, a stabiliser. Nothing, unless it is estimated ([`BundleOptions::departures`]).
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Departure {
+pub(crate) struct Departure {
     /// Logarithm of its focal length over that of the camera.
     pub ln_focal: f64,
     /// Turn about the plane's normal from the picture's middle row until its last is read out, radians.
@@ -180,7 +180,7 @@ impl Departure {
 
 /// Departures that have a deviation in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum DepartureKind {
+pub(crate) enum DepartureKind {
     /// Focal lengths.
     Focal,
     /// Turns while pictures are read out.
@@ -205,7 +205,7 @@ impl DepartureKind {
 
 /// What a frame has of its own.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameState {
+pub(crate) struct FrameState {
     /// Its group.
     pub group: usize,
     /// Error of the attitude about level axes across and along the heading, radians.
@@ -232,7 +232,7 @@ pub(crate) fn rotation_y(a: f64) -> Matrix3<f64> {
 
 /// Everything that is estimated.
 #[derive(Debug, Clone)]
-pub struct State {
+pub(crate) struct State {
     /// Cameras.
     pub cameras: Vec<CameraState>,
     /// Where each camera sits in the rig; the first is the reference.
@@ -247,7 +247,7 @@ pub struct State {
 
 impl State {
     /// Of one camera.
-    pub fn of_one_camera(camera: CameraState, groups: Vec<GroupState>, frames: Vec<FrameState>) -> Self {
+    pub(crate) fn of_one_camera(camera: CameraState, groups: Vec<GroupState>, frames: Vec<FrameState>) -> Self {
         Self { cameras: vec![camera], rig: vec![RigPose::identity()], groups, frames, points: Vec::new() }
     }
 
@@ -267,7 +267,7 @@ impl State {
 
 /// What is estimated of a camera and its place in the rig, and what is known of it beforehand.
 #[derive(Debug, Clone)]
-pub struct CameraUnknowns {
+pub(crate) struct CameraUnknowns {
     /// Frame of the camera's pixels: the unit of its numbers.
     pub frame: Frame,
     /// Half width and height of its images, frame units.
@@ -288,7 +288,7 @@ pub struct CameraUnknowns {
 
 impl CameraUnknowns {
     /// Without skew, with two numbers of the lens, no priors, and a pose that is free.
-    pub fn new(frame: Frame, image_half_sides: [f64; 2]) -> Self {
+    pub(crate) fn new(frame: Frame, image_half_sides: [f64; 2]) -> Self {
         Self {
             frame,
             image_half_sides,
@@ -348,7 +348,7 @@ pub(crate) const OUTLIER_ATTITUDE_SIGMA_RAD: f64 = 0.05;
 
 /// Options of the joint refinement.
 #[derive(Debug, Clone)]
-pub struct BundleOptions {
+pub(crate) struct BundleOptions {
     /// One a camera.
     pub cameras: Vec<CameraUnknowns>,
     /// σ_a in radians, about each of two axes; `None`: estimated where enough frames tell it, else its scale. Infinite: every frame
@@ -388,7 +388,7 @@ impl BundleOptions {
     }
 
     /// The usual ones for these cameras.
-    pub fn new(cameras: Vec<CameraUnknowns>) -> Self {
+    pub(crate) fn new(cameras: Vec<CameraUnknowns>) -> Self {
         Self {
             cameras,
             attitude_sigma_rad: None,

@@ -22,7 +22,7 @@ pub(crate) const FIRST_CAMERA: usize = 0;
 
 /// Covariance of the numbers of a camera's block and of others after them.
 #[derive(Debug, Clone, PartialEq)]
-pub struct JointCovariance {
+pub(crate) struct JointCovariance {
     matrix: DMatrix<f64>,
     camera_numbers: usize,
 }
@@ -70,7 +70,7 @@ pub(crate) fn pixels_by_camera(k_px: &Intrinsics, frame: &Frame, numbers: usize)
 
 /// A camera's result.
 #[derive(Debug, Clone, PartialEq)]
-pub struct CameraEstimate {
+pub(crate) struct CameraEstimate {
     /// Its numbers.
     pub state: CameraState,
     /// Their covariance, units of its frame; zero rows for what was held.
@@ -79,7 +79,7 @@ pub struct CameraEstimate {
 
 /// A camera's place in the rig.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RigEstimate {
+pub(crate) struct RigEstimate {
     /// Camera from the first camera's coordinates, lengths in the world's unit.
     pub pose: RigPose,
     /// Covariance of a small turn about the camera's axes and of the translation; zero for what was held.
@@ -88,7 +88,7 @@ pub struct RigEstimate {
 
 /// An attitude group's result.
 #[derive(Debug, Clone, PartialEq)]
-pub struct GroupEstimate {
+pub(crate) struct GroupEstimate {
     /// Pitch (down) and roll, radians.
     pub pitch_roll_rad: [f64; 2],
     /// Height over the floor, in the world of its views (directions: 1).
@@ -104,7 +104,7 @@ pub struct GroupEstimate {
 /// A frame's result as the rig's first camera has it, in a world whose origin is the floor below the first frame connected to it,
 /// +X along that frame's heading, unit its height.
 #[derive(Debug, Clone, PartialEq)]
-pub struct ViewEstimate {
+pub(crate) struct ViewEstimate {
     /// First frame of the connected set; its own index for that frame.
     pub origin: usize,
     /// Heading, anticlockwise from above, radians.
@@ -129,7 +129,7 @@ pub struct ViewEstimate {
 
 /// The refined state and how sure it is.
 #[derive(Debug, Clone)]
-pub struct Bundle {
+pub(crate) struct Bundle {
     /// Floor or directions.
     pub scene: SceneModel,
     /// Everything estimated.
@@ -139,6 +139,7 @@ pub struct Bundle {
     /// What was estimated of each in the end, with its priors.
     pub unknowns: Vec<CameraUnknowns>,
     /// Where each camera sits in the rig.
+    #[cfg_attr(not(test), expect(dead_code, reason = "no calibration has a second camera yet"))]
     pub rig: Vec<RigEstimate>,
     /// One a group.
     pub groups: Vec<GroupEstimate>,

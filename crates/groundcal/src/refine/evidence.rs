@@ -20,7 +20,7 @@ const MIN_VARIANCE: f64 = 0.04;
 
 /// The parts of a model's evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Evidence {
+pub(crate) struct Evidence {
     /// Sum of squares of what has a prior, in its deviations.
     squares: f64,
     /// The rest of -2 ln of the part of priors and variance components ([`volumes`]).

@@ -41,7 +41,7 @@ const INVERSE_DISTANCE_VARIATION: f64 = 0.4;
 
 /// What a camera taken to turn on the spot may be wrong by for a lens off the axis.
 #[derive(Debug, Clone, PartialEq)]
-pub struct LeverArm {
+pub(crate) struct LeverArm {
     /// How far the lens is off the axis, over the (harmonic) mean distance of the points; `None`: the images show no parallax.
     pub over_distance: Option<f64>,
     /// Standard deviation of ln f of the first camera for it.

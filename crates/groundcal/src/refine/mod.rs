@@ -35,26 +35,21 @@ pub(crate) mod start;
 pub(crate) mod tracks;
 pub(crate) mod variance_components;
 
-pub use bundle::RigEstimate;
-pub use variance_components::Component;
-
-pub use adjust::adjust;
-pub use blocks::BundleOptions;
-pub use blocks::CameraState;
-pub use blocks::CameraUnknowns;
-pub use blocks::Departure;
+pub(crate) use blocks::BundleOptions;
+pub(crate) use blocks::CameraState;
+pub(crate) use blocks::CameraUnknowns;
 pub(crate) use blocks::DepartureKind;
-pub use blocks::FrameState;
-pub use blocks::GroupState;
-pub use blocks::RigPose;
-pub use blocks::State;
-pub use bundle::Bundle;
+pub(crate) use blocks::State;
+pub(crate) use bundle::Bundle;
 pub(crate) use bundle::CameraEstimate;
 pub(crate) use bundle::GroupEstimate;
 pub(crate) use bundle::JointCovariance;
 pub(crate) use bundle::ViewEstimate;
-pub use residual::SceneModel;
-pub use tracks::Kind;
-pub use tracks::Observation;
-pub use tracks::Track;
+pub(crate) use residual::SceneModel;
+pub(crate) use tracks::Kind;
+pub(crate) use tracks::Observation;
+pub(crate) use tracks::Track;
 pub(crate) use variance_components::disagreement;
+
+#[cfg(test)]
+mod tests;

@@ -28,7 +28,7 @@ use crate::refine::blocks::{
 
 /// What the points are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum SceneModel {
+pub(crate) enum SceneModel {
     /// Points of one plane, the floor.
     Floor,
     /// Points too far away to show any translation.

@@ -6,7 +6,7 @@ use nalgebra::{Matrix2, Vector2};
 
 /// Where a point is seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Observation {
+pub(crate) struct Observation {
     /// Index of the frame: the moment at which it is seen.
     pub frame: usize,
     /// Index of the camera of the rig that sees it.
@@ -19,7 +19,7 @@ pub struct Observation {
 
 impl Observation {
     /// By the first camera, with the same deviation in all directions.
-    pub fn new(frame: usize, pixel: Vector2<f64>, sigma_px: f64) -> Self {
+    pub(crate) fn new(frame: usize, pixel: Vector2<f64>, sigma_px: f64) -> Self {
         Self { frame, camera: 0, pixel, information: Matrix2::from_diagonal_element(sigma_px.powi(-2)) }
     }
 
@@ -30,7 +30,7 @@ impl Observation {
 
 /// Kinds of measurement, each with a noise of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// Patches matched by least squares.
     Patch,
     /// Features, or points from elsewhere.
@@ -42,7 +42,7 @@ pub(crate) const KINDS: usize = 2;
 
 /// A point and where it is seen: each frame and camera once, in ascending order.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Track {
+pub(crate) struct Track {
     /// How it was measured.
     pub kind: Kind,
     /// Two or more.

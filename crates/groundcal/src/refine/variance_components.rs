@@ -18,7 +18,7 @@ use crate::{
 
 /// A variance component and where it comes from.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Component {
+pub(crate) struct Component {
     /// Standard deviation.
     pub sigma: f64,
     /// Whether the data told it.

@@ -40,7 +40,7 @@ impl ViewParameter {
     pub(crate) const COUNT: usize = Parameter::ALL.len() + Self::OF_POSE.len();
 
     /// All, in the order of every list of them: those of the camera, then those of the view.
-    pub const ALL: [ViewParameter; Self::COUNT] = {
+    pub(crate) const ALL: [ViewParameter; Self::COUNT] = {
         let mut all = [ViewParameter::Height; Self::COUNT];
         let mut i = 0;
         while i < Self::COUNT {

@@ -23,7 +23,7 @@ use crate::{
 
 /// A pair of views with what its homography says.
 #[derive(Debug, Clone)]
-pub struct Motion {
+pub(crate) struct Motion {
     /// The first image.
     pub from: ImageId,
     /// The second image.
@@ -36,7 +36,7 @@ pub struct Motion {
 
 /// Where the points of a motion lie with respect to the horizon that the motion implies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HorizonSides {
+pub(crate) enum HorizonSides {
     /// On one side: they can lie on a floor.
     One,
     /// On both: no floor is seen from above and below; they can only be far away, the camera turning on the spot.
@@ -49,7 +49,7 @@ pub struct AttitudeGroup {
     /// Indices of the motions.
     pub members: Vec<usize>,
     /// Their common circular point.
-    pub fused: WeightedPoint,
+    pub(crate) fused: WeightedPoint,
 }
 
 /// Squared distance beyond which two attitudes are different: 99.9 % of chi-squared with four degrees of freedom.

@@ -7,4 +7,4 @@ pub(crate) mod plane_normal;
 pub(crate) mod rotations;
 pub(crate) mod selection;
 
-pub use attitude_groups::{AttitudeGroup, HorizonSides, Motion};
+pub use attitude_groups::AttitudeGroup;

@@ -17,7 +17,7 @@ use nalgebra::{
 
 use crate::{
     error::Error,
-    geometry::intrinsics::Intrinsics,
+    geometry::{frame::Frame, intrinsics::Intrinsics},
     numerics::{
         levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, minimise},
         linalg::{ComplexPoint, bilinear, inverse_spd, symmetric_eigen},
@@ -55,7 +55,7 @@ impl Priors {
 
 /// One attitude's circular point with the covariance to be used for it.
 #[derive(Debug, Clone)]
-pub struct WeightedPoint {
+pub(crate) struct WeightedPoint {
     /// The circular point.
     pub point: CircularPoint,
     /// Covariance of its tangent coordinates, axis error included.
@@ -63,21 +63,21 @@ pub struct WeightedPoint {
 }
 
 /// Camera matrix parameters (ln fx, ln fy/fx, cx, cy, skew) in frame units.
-pub type Parameters = SVector<f64, 5>;
+pub(crate) type Parameters = SVector<f64, 5>;
 
 /// The camera matrix of the parameters.
-pub fn intrinsics_of(p: &Parameters) -> Intrinsics {
+pub(crate) fn intrinsics_of(p: &Parameters) -> Intrinsics {
     let fx = p[0].exp();
     Intrinsics { fx, fy: fx * p[1].exp(), cx: p[2], cy: p[3], skew: p[4] }
 }
 
 /// The parameters of a camera matrix.
-pub fn parameters_of(k: &Intrinsics) -> Parameters {
+pub(crate) fn parameters_of(k: &Intrinsics) -> Parameters {
     Parameters::from([k.fx.ln(), (k.fy / k.fx).ln(), k.cx, k.cy, k.skew])
 }
 
 /// r = vᵀv / vᴴv, its derivative by the point's tangent coordinates and by the parameters.
-pub struct Residual {
+pub(crate) struct Residual {
     /// Real and imaginary part of r; 0 on the conic, of modulus 1 at most.
     pub value: Vector2<f64>,
     /// ∂r / ∂(Re α, Im α, Re β, Im β).
@@ -86,8 +86,15 @@ pub struct Residual {
     pub by_parameters: SMatrix<f64, 2, 5>,
 }
 
+/// How the residual of the image of a circular point, both in pixels, changes with (ln fx, ln fy/fx, cx, cy, skew), the last three in
+/// units of the frame.
+pub fn residual_by_camera(frame: &Frame, intrinsics: &Intrinsics, point_px: &ComplexPoint) -> SMatrix<f64, 2, 5> {
+    let e = frame.frame_matrix().map(|x| Complex::new(x, 0.0)) * point_px;
+    residual(&parameters_of(&frame.intrinsics_from_pixel(intrinsics)), &e, &[e, e]).by_parameters
+}
+
 /// The residual of a (complex) point `e` whose error directions are `tangent`.
-pub fn residual(p: &Parameters, e: &ComplexPoint, tangent: &[ComplexPoint; 2]) -> Residual {
+pub(crate) fn residual(p: &Parameters, e: &ComplexPoint, tangent: &[ComplexPoint; 2]) -> Residual {
     let k = intrinsics_of(p);
     let inverse = |q: &ComplexPoint| -> ComplexPoint {
         let y = (q.y - q.z * k.cy) / k.fy;
@@ -369,7 +376,11 @@ pub(crate) fn solve_linear(points: &[WeightedPoint], constraint: Constraint, asp
 ///
 /// # Errors
 /// [`Error::NotPositiveDefinite`] when no real camera solves the equations.
-pub fn solve_unweighted(points: &[ComplexPoint], constraint: Constraint, aspect: f64) -> Result<Parameters, Error> {
+pub(crate) fn solve_unweighted(
+    points: &[ComplexPoint],
+    constraint: Constraint,
+    aspect: f64,
+) -> Result<Parameters, Error> {
     let basis = constraint.basis(aspect);
     let mut signal = SMatrix::<f64, 6, 6>::zeros();
     for e in points {

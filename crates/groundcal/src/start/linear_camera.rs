@@ -44,7 +44,7 @@ pub struct GivenPrior {
 
 /// What is known of the camera and of the motion beforehand.
 #[derive(Debug, Clone)]
-pub struct CameraOptions {
+pub(crate) struct CameraOptions {
     /// What is assumed of the camera matrix.
     pub constraint: Constraint,
     /// fy / fx where the constraint holds it, and centre of its prior under `Auto`.
@@ -173,7 +173,11 @@ impl CameraOptions {
 /// # Errors
 /// [`Error::TooFewAttitudes`], [`Error::Undetermined`], [`Error::NotPositiveDefinite`] when the motions do not determine
 /// what the constraint asks for; [`Error::NoUsableMotion`] for an empty set.
-pub fn solve_camera(motions: &[Motion], frame: &Frame, options: &CameraOptions) -> Result<CameraSolution, Error> {
+pub(crate) fn solve_camera(
+    motions: &[Motion],
+    frame: &Frame,
+    options: &CameraOptions,
+) -> Result<CameraSolution, Error> {
     solve_camera_until(motions, frame, options, &Silent)
 }
 
@@ -405,7 +409,7 @@ pub(crate) fn check_certainty(
 }
 
 /// Which of (ln fx, ln fy/fx, cx, cy, skew), frame units, are known too badly to count as determined, in words; `None`: none of them.
-pub fn what_is_uncertain(covariance: &SMatrix<f64, 5, 5>, frame: &Frame) -> Option<String> {
+pub(crate) fn what_is_uncertain(covariance: &SMatrix<f64, 5, 5>, frame: &Frame) -> Option<String> {
     let parts: Vec<String> = (0..5)
         .filter_map(|i| {
             let name = ["focal length", "aspect ratio", "cx", "cy", "skew"][i];

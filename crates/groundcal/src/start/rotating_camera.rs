@@ -39,7 +39,7 @@ use crate::{
 
 /// How the equations of a rotation count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Weighting {
+pub(crate) enum Weighting {
     /// All nine entries of Hᵀ ω H - ω alike, as Hartley has it.
     Uniform,
     /// By the inverse of their covariance, iterated.
@@ -48,7 +48,7 @@ pub enum Weighting {
 
 /// Options of [`calibrate_rotating`].
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RotatingOptions {
+pub(crate) struct RotatingOptions {
     /// What is assumed of the camera matrix; every one but [`Constraint::Auto`]. A known principal point is the origin of the
     /// homographies' frame.
     pub constraint: Constraint,
@@ -66,7 +66,7 @@ impl Default for RotatingOptions {
 
 /// One rotation as the estimated camera sees it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rotation {
+pub(crate) struct Rotation {
     /// Axis in the camera frame of the first view (and of the second), unit length.
     pub axis: Vector3<f64>,
     /// Angle about it, 0 to π, radians.
@@ -77,7 +77,7 @@ pub struct Rotation {
 
 /// A camera from rotations and how sure it is.
 #[derive(Debug, Clone)]
-pub struct RotatingSolution {
+pub(crate) struct RotatingSolution {
     /// In pixels.
     pub intrinsics: Intrinsics,
     /// Covariance of (fx, fy, cx, cy, skew) in pixels squared; zero rows for what was held.
@@ -92,8 +92,6 @@ pub struct RotatingSolution {
     pub degrees_of_freedom: usize,
     /// Factor on the covariance because the homographies are further from rotations than their noise explains (1: none).
     pub variance_inflation: f64,
-    /// The second weakest direction of the equations over what noise alone would give it.
-    pub signal_over_noise: f64,
 }
 
 /// A homography of determinant one, frame coordinates, with the columns of a root of its covariance.
@@ -182,7 +180,7 @@ fn numerical(detail: &str) -> Error {
 /// for their noise; [`Error::NotPositiveDefinite`] when no real camera solves the equations; [`Error::NoUsableMotion`] for an
 /// empty slice; [`Error::InvalidInput`] for frames that differ or numbers that are not finite; [`Error::InvalidOption`] for
 /// [`Constraint::Auto`].
-pub fn calibrate_rotating(
+pub(crate) fn calibrate_rotating(
     homographies: &[HomographyEstimate],
     options: &RotatingOptions,
 ) -> Result<RotatingSolution, Error> {
@@ -214,18 +212,17 @@ pub fn calibrate_rotating(
             RotationHomography::new(h).ok_or_else(unusable)
         })
         .collect::<Result<_, _>>()?;
-    let (parameters, signal_over_noise) = solve(&rotations, options)?;
-    finish(&rotations, parameters, signal_over_noise, options, &first.frame)
+    let parameters = solve(&rotations, options)?;
+    finish(&rotations, parameters, options, &first.frame)
 }
 
-/// The linear solution and the second weakest direction of its equations over noise.
-fn solve(rotations: &[RotationHomography], options: &RotatingOptions) -> Result<(Parameters, f64), Error> {
+/// The linear solution.
+fn solve(rotations: &[RotationHomography], options: &RotatingOptions) -> Result<Parameters, Error> {
     let constraint = options.constraint;
     let basis = constraint.basis(options.aspect);
     let reduce = |m: &SMatrix<f64, 6, 6>| basis.transpose() * DMatrix::from_fn(6, 6, |r, c| m[(r, c)]) * &basis;
     let mut p = Parameters::from([2f64.ln(), options.aspect.ln(), 0.0, 0.0, 0.0]);
     let rounds = if options.weighting == Weighting::Covariance { 4 } else { 1 };
-    let mut ratio = 0.0;
     for round in 0..rounds {
         let omega = conic(&p);
         let mut signal = SMatrix::<f64, 6, 6>::zeros();
@@ -246,7 +243,7 @@ fn solve(rotations: &[RotationHomography], options: &RotatingOptions) -> Result<
         let signal = reduce(&signal);
         let last = round == rounds - 1;
         if last {
-            ratio = signal_over_noise(&signal, &reduce(&noise)).ok_or_else(|| numerical("equations not finite"))?;
+            let ratio = signal_over_noise(&signal, &reduce(&noise)).ok_or_else(|| numerical("equations not finite"))?;
             if ratio < MIN_SIGNAL_OVER_NOISE {
                 return Err(undetermined(rotations, &p, ratio, constraint));
             }
@@ -265,7 +262,7 @@ fn solve(rotations: &[RotationHomography], options: &RotatingOptions) -> Result<
             Err(_) => {}
         }
     }
-    Ok((p, ratio))
+    Ok(p)
 }
 
 fn conic(p: &Parameters) -> Matrix3<f64> {
@@ -335,7 +332,6 @@ fn axis_and_angle(k: &Intrinsics, h: &Matrix3<f64>) -> (Vector3<f64>, f64) {
 fn finish(
     rotations: &[RotationHomography],
     p: Parameters,
-    signal_over_noise: f64,
     options: &RotatingOptions,
     frame: &Frame,
 ) -> Result<RotatingSolution, Error> {
@@ -399,7 +395,6 @@ fn finish(
         chi_squared,
         degrees_of_freedom,
         variance_inflation,
-        signal_over_noise,
     })
 }
 

@@ -25,7 +25,7 @@ const MIN_VARIANCE: f64 = 1e-20;
 ///
 /// # Errors
 /// [`Error::NotPositiveDefinite`] when no real camera solves the equations.
-pub fn solve_unweighted_with_covariance(
+pub(crate) fn solve_unweighted_with_covariance(
     points: &[WeightedPoint],
     constraint: Constraint,
     aspect: f64,

@@ -59,7 +59,7 @@ impl GrayImage {
     /// let upper_row = Mask::new(size, &(0..12).map(|i| i < 4).collect::<Vec<_>>()).expect("12 pixels");
     /// let image = GrayImage::filled(size, 0.5).masked(Arc::new(upper_row))?;
     /// assert!(image.mask().is_some_and(|mask| !mask.contains(0.0, 1.0)));
-    /// # Ok::<(), groundcal::error::Error>(())
+    /// # Ok::<(), groundcal::Error>(())
     /// ```
     pub fn masked(self, mask: Arc<Mask>) -> Result<Self, Error> {
         if mask.size() != self.size {

@@ -81,7 +81,7 @@ pub struct PatchMatch {
 impl PatchMatch {
     /// As a point match: the shift's covariance shared out between both images, whose errors the homography's model takes to
     /// be equal: tr C = σ² tr(I + J Jᵀ).
-    pub fn to_point_match(&self, model_sigma_px: f64) -> PointMatch {
+    pub(crate) fn point_match(&self, model_sigma_px: f64) -> PointMatch {
         let spread = (Matrix2::identity() + self.jacobian * self.jacobian.transpose()).trace();
         let variance = self.covariance.trace() / spread + model_sigma_px * model_sigma_px;
         PointMatch { a: self.a, b: self.b, sigma_px: variance.sqrt() }

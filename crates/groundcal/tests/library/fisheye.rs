@@ -1,10 +1,9 @@
 //! A lens of a model that sees to both sides and behind: given, its pixels pass through rays; not given, it is found.
 
 use groundcal::{
+    Error, Silent,
     calibrate::{LensModel, Method, MotionModel, Options, calibrate_matches},
-    error::Error,
     geometry::{Camera, Constraint, Fisheye, ImageSize, Intrinsics, Lens},
-    observer::Silent,
     pairs::ImagePair,
     result::{Calibration, LensSource, Parameter, Warning},
     synthetic::{MotionSpec, PlaneViewScene, PointScene},

@@ -1,10 +1,9 @@
 //! Any motion before one plane.
 
 use groundcal::{
+    Error, Silent,
     calibrate::{LensModel, MotionModel, Options, calibrate_matches},
-    error::Error,
     geometry::{Constraint, Intrinsics, Lens},
-    observer::Silent,
     result::{Calibration, MotionKind, Parameter},
     synthetic::{PlaneViewScene, plane_views_bound},
 };

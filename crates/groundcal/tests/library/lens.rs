@@ -1,9 +1,9 @@
 //! What is estimated of a lens: decentring always, k3 where the residuals ask for it.
 
 use groundcal::{
+    Silent,
     calibrate::{Options, calibrate_matches},
     geometry::{Lens, Radtan},
-    observer::Silent,
     pairs::ImagePair,
     result::{Calibration, Parameter},
     synthetic::{MotionSpec, PointScene},

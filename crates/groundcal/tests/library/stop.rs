@@ -13,8 +13,8 @@ use std::{
 };
 
 use groundcal::{
+    Error,
     calibrate::{Observer, Options, Stage, calibrate_images, calibrate_matches},
-    error::Error,
     geometry::ImageSize,
     pairs::ImagePair,
     synthetic::PointScene,

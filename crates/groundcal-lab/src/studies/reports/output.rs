@@ -1,6 +1,6 @@
 //! What a study gives, and what its reports share.
 
-use groundcal::error::Error;
+use groundcal::Error;
 use groundcal_report::plot::{Curve, Figure, Marker, Panel, Style};
 use rayon::prelude::*;
 

@@ -8,7 +8,7 @@
 use groundcal::{
     geometry::{Frame, attitude_rotation, up_in_camera},
     result::{AttitudeReport, Calibration, Parameter},
-    start::{parameters_of, residual},
+    start::residual_by_camera,
 };
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use serde::Serialize;
@@ -135,12 +135,10 @@ fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
         [m[(0, 0)] > 0.0, ratio > 1e-9 * m[(0, 0)] / (fx * fx), m[(2, 2)] > 0.0, m[(3, 3)] > 0.0, m[(4, 4)] > 0.0];
     let columns: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
     let frame = Frame::new(c.camera.size(), None);
-    let parameters = parameters_of(&frame.intrinsics_from_pixel(&c.camera.intrinsics()));
-    let to_frame = frame.frame_matrix().map(|x| Complex::new(x, 0.0));
+    let intrinsics = c.camera.intrinsics();
     let mut equations = DMatrix::<f64>::zeros(2 * c.attitudes.len(), columns.len());
     for (a, attitude) in c.attitudes.iter().enumerate() {
-        let e = to_frame * circular_point(c, attitude);
-        let by = residual(&parameters, &e, &[e, e]).by_parameters;
+        let by = residual_by_camera(&frame, &intrinsics, &circular_point(c, attitude));
         for (column, &i) in columns.iter().enumerate() {
             equations[(2 * a, column)] = by[(0, i)];
             equations[(2 * a + 1, column)] = by[(1, i)];

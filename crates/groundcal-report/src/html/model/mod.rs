@@ -9,7 +9,7 @@ pub(crate) mod motions;
 pub(crate) mod residuals;
 
 use groundcal::{
-    remedy::Wording,
+    Wording,
     result::{Calibration, PixelCentre, WarningReport},
 };
 use serde::Serialize;

@@ -1,10 +1,10 @@
 //! Motions: matches accepted and rejected, where the rejected ones gather, the part of the floor that both images see.
 
 use groundcal::{
+    Wording,
     floor::{FloorGrid, FloorView},
     geometry::{Homography, ImageSize, View},
     numerics::components,
-    remedy::Wording,
     result::{Calibration, Evidence, MotionReport, PairEvidence},
 };
 use nalgebra::{Matrix3, Vector2, Vector3};

@@ -46,7 +46,7 @@ impl Default for FeatureOptions {
 }
 
 /// Number of histogram cells of a descriptor.
-pub const DESCRIPTOR_LENGTH: usize = 128;
+pub(crate) const DESCRIPTOR_LENGTH: usize = 128;
 
 /// A feature of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,7 +68,7 @@ pub struct Feature {
 pub struct Features {
     /// Where they are.
     pub points: Vec<Feature>,
-    /// One descriptor of [`DESCRIPTOR_LENGTH`] values a feature, unit length, end to end.
+    /// One descriptor of `DESCRIPTOR_LENGTH` values a feature, unit length, end to end.
     pub descriptors: Vec<f32>,
 }
 

@@ -15,7 +15,8 @@ mod feature;
 mod matching;
 mod scale_space;
 
-pub use feature::{DESCRIPTOR_LENGTH, Feature, FeatureOptions, Features};
+pub(crate) use feature::DESCRIPTOR_LENGTH;
+pub use feature::{Feature, FeatureOptions, Features};
 pub(crate) use matching::match_features_until;
 pub use matching::{MatchOptions, match_features};
 pub(crate) use scale_space::{blur, halve};

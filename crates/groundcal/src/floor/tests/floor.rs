@@ -1,13 +1,14 @@
 //! Attitudes, positions, horizons and floor distances of a calibration against truth: errors within their error bars.
 
-use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
-    floor::FloorView,
-    geometry::Lens,
-    pairs::ImagePair,
-    result::{Calibration, ViewParameter},
-    synthetic::PointScene,
-};
+use crate::calibrate::Options;
+use crate::calibrate::calibrate_matches;
+use crate::floor::view::FloorView;
+use crate::geometry::lens::Lens;
+use crate::observer::Silent;
+use crate::pairs::correspondence::ImagePair;
+use crate::result::calibration::Calibration;
+use crate::result::views::ViewParameter;
+use crate::synthetic::points::PointScene;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2, Vector3};
 use rayon::prelude::*;
 
@@ -48,7 +49,7 @@ fn poses_horizons_and_distances_are_within_their_error_bars() {
                 errors.push((2, (position[1] - shift.y) / sigma[1]));
 
                 let attitude = &c.attitudes[second.attitude.expect("an attitude")];
-                let up = groundcal::geometry::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
+                let up = crate::geometry::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
                 let line = scene.intrinsics.inverse_matrix().transpose() * up;
                 let line = line / line.xy().norm();
                 let [a, b, offset] = attitude.horizon_px.expect("finite");
@@ -123,7 +124,7 @@ fn a_camera_height_makes_lengths_metres() {
         let (h, k) = (a.floor_from_image.as_ref().expect("a floor"), b.floor_from_image.as_ref().expect("a floor"));
         assert!((h.matrix[0][1] * 1.6 - k.matrix[0][1]).abs() < 1e-12 && h.matrix[2] == k.matrix[2]);
         assert!((h.covariance[0][8] * 1.6 - k.covariance[0][8]).abs() <= 1e-9 * h.covariance[0][8].abs());
-        let relative = |v: &groundcal::result::ViewReport| {
+        let relative = |v: &crate::result::ViewReport| {
             v.covariance.variance(ViewParameter::X).sqrt() / v.position.expect("a floor")[0]
         };
         assert!(a.position.expect("a floor")[0] == 0.0 || (relative(a) - relative(b)).abs() < 1e-9 * relative(a).abs());

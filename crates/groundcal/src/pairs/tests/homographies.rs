@@ -1,11 +1,12 @@
 //! Accuracy of the robust homography: median transfer error against the same refinement on the true inliers.
 
-use groundcal::{
-    geometry::{Frame, Homography},
-    numerics::median,
-    pairs::{PointMatch, RefineOptions, RobustOptions, estimate_robust, refine},
-    synthetic::{PointScene, SyntheticPair},
-};
+use crate::geometry::frame::Frame;
+use crate::geometry::homography::Homography;
+use crate::numerics::statistics::median;
+use crate::pairs::correspondence::PointMatch;
+use crate::pairs::refine::{RefineOptions, refine};
+use crate::pairs::robust::{RobustOptions, estimate_robust};
+use crate::synthetic::points::{PointScene, SyntheticPair};
 use nalgebra::Vector2;
 use rayon::prelude::*;
 

@@ -1,19 +1,25 @@
 //! The joint refinement against truth: exact data, the Cramér-Rao bound, full turns, panoramas, screw motions, axes that vary.
 
-use groundcal::{
-    calibrate::{LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
-    error::Error,
-    geometry::{Frame, ImageSize, Intrinsics, Lens, attitude_rotation, rotation_cam_from_world},
-    numerics::LmOptions,
-    pairs::ImagePair,
-    refine::{
-        BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, SceneModel, State,
-        Track, adjust,
-    },
-    result::Calibration,
-    start::Constraint,
-    synthetic::{HeightModel, MotionSpec, PointScene, cramer_rao_bound, turning_pairs},
-};
+use crate::calibrate::calibrate_matches;
+use crate::calibrate::{LensModel, MotionModel, Options};
+use crate::error::Error;
+use crate::geometry::attitude::{attitude_rotation, rotation_cam_from_world};
+use crate::geometry::constraint::Constraint;
+use crate::geometry::frame::Frame;
+use crate::geometry::intrinsics::Intrinsics;
+use crate::geometry::lens::Lens;
+use crate::geometry::size::ImageSize;
+use crate::numerics::levenberg_marquardt::LmOptions;
+use crate::observer::Silent;
+use crate::pairs::correspondence::ImagePair;
+use crate::refine::adjust::adjust;
+use crate::refine::blocks::{BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, State};
+use crate::refine::residual::SceneModel;
+use crate::refine::tracks::{Kind, Observation, Track};
+use crate::result::calibration::Calibration;
+use crate::result::camera::Method;
+use crate::synthetic::bound::{HeightModel, cramer_rao_bound};
+use crate::synthetic::points::{MotionSpec, PointScene, turning_pairs};
 use nalgebra::{Matrix3, Vector2};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
@@ -41,7 +47,7 @@ fn a_full_turn_on_the_spot_closes_and_gives_lens_and_focal_length() {
     for seed in 0..3 {
         let pairs = turning_pairs(&rotations, &k, &lens, size, 1500, 0.3, seed);
         let c = calibrate_matches(&names(18), size, &pairs, &Options::default(), &Silent).expect("a camera");
-        assert_eq!(c.scene, Some(groundcal::result::Scene::Directions));
+        assert_eq!(c.scene, Some(crate::result::Scene::Directions));
         assert_eq!(c.attitudes.len(), 1, "one attitude");
         let sigma = c.standard_deviation.fx.expect("estimated");
         let error = c.camera.fx - k.fx;
@@ -69,7 +75,7 @@ fn four_views_of_a_panorama_about_different_axes() {
         for seed in 0..5 {
             let pairs = turning_pairs(&rotations, &k, &lens, size, 8000, 0.3, seed);
             let c = calibrate_matches(&names(4), size, &pairs, &Options::default(), &Silent).expect("a camera");
-            assert_eq!(c.scene, Some(groundcal::result::Scene::Directions));
+            assert_eq!(c.scene, Some(crate::result::Scene::Directions));
             assert_eq!(c.views.len(), 4, "all views are used");
             let (error, sigma) = (c.camera.fx - k.fx, c.standard_deviation.fx.expect("estimated"));
             println!("{lens:?} seed {seed}: f off by {error:.2} +- {sigma:.2} px");
@@ -193,7 +199,7 @@ fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
             // The unit of length is the height of the first view.
             position: v.centre.xy() / m.height,
             ln_height_ratio: (v.centre.z / m.height).ln(),
-            departure: groundcal::refine::Departure::default(),
+            departure: crate::refine::blocks::Departure::default(),
         })
     });
     (frame, tracks, State::of_one_camera(camera, groups, frames.collect()))

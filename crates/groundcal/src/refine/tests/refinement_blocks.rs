@@ -3,14 +3,17 @@
 //!
 //! The bound comes from a model of its own (Euclidean points, angles) by central differences, nothing eliminated.
 
-use groundcal::{
-    geometry::{Frame, ImageSize, Intrinsics, Lens, rotation_cam_from_world},
-    numerics::LmOptions,
-    refine::{
-        Bundle, BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, Kind, Observation, RigPose,
-        SceneModel, State, Track, adjust,
-    },
-};
+use crate::geometry::attitude::rotation_cam_from_world;
+use crate::geometry::frame::Frame;
+use crate::geometry::intrinsics::Intrinsics;
+use crate::geometry::lens::Lens;
+use crate::geometry::size::ImageSize;
+use crate::numerics::levenberg_marquardt::LmOptions;
+use crate::refine::adjust::adjust;
+use crate::refine::blocks::{BundleOptions, CameraState, CameraUnknowns, FrameState, GroupState, RigPose, State};
+use crate::refine::bundle::Bundle;
+use crate::refine::residual::SceneModel;
+use crate::refine::tracks::{Kind, Observation, Track};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, Rotation3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -117,7 +120,7 @@ impl Scene {
             yaw_rad: p.yaw,
             position: p.centre.xy(),
             ln_height_ratio: 0.0,
-            departure: groundcal::refine::Departure::default(),
+            departure: crate::refine::blocks::Departure::default(),
         });
         State {
             cameras: self

@@ -1,16 +1,23 @@
 //! Error bars promised before any picture is taken, against the errors the calibration then makes: seeded trials whose cameras, axes
 //! and heights vary as the plan assumed.
 
-use groundcal::{
-    calibrate::{LensModel, Options, Silent, calibrate_matches},
-    error::Error,
-    geometry::{ImageSize, Intrinsics, Lens, Radtan, View, angles_from_rotation, attitude_rotation, yaw_rotation},
-    pairs::{ImagePair, PointMatch},
-    plan::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start},
-    result::{Calibration, Parameter, PriorParameter, Warning},
-    start::Constraint,
-    synthetic::{MotionSpec, PointScene},
-};
+use crate::calibrate::calibrate_matches;
+use crate::calibrate::{LensModel, Options};
+use crate::error::Error;
+use crate::geometry::attitude::{angles_from_rotation, attitude_rotation, yaw_rotation};
+use crate::geometry::constraint::Constraint;
+use crate::geometry::intrinsics::Intrinsics;
+use crate::geometry::lens::Lens;
+use crate::geometry::lens::Radtan;
+use crate::geometry::parameters::{Parameter, PriorParameter};
+use crate::geometry::plane_view::View;
+use crate::geometry::size::ImageSize;
+use crate::observer::Silent;
+use crate::pairs::correspondence::{ImagePair, PointMatch};
+use crate::plan::planner::{HEIGHT_SIGMA, Plan, PlanOptions, PlannedMotion, Planner, Prediction, Rig, Start};
+use crate::result::calibration::Calibration;
+use crate::result::warning::Warning;
+use crate::synthetic::points::{MotionSpec, PointScene};
 use nalgebra::{Rotation3, Vector3};
 use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};

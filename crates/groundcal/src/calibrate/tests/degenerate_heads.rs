@@ -1,14 +1,18 @@
 //! What a head without roll leaves open, in numbers (docs/theory.md, "What cannot be told"): pans at several elevations for the
 //! rotating-camera method, and one motion under `fixed-pp`.
 
-use groundcal::{
-    calibrate::{LensModel, Method, MotionModel, Options, Silent, calibrate_matches},
-    error::Error,
-    geometry::{Frame, Intrinsics},
-    pairs::{HomographyEstimate, ImagePair, RefineOptions, refine},
-    start::{Constraint, RotatingOptions, Weighting, calibrate_rotating},
-    synthetic::{MotionSpec, PointScene},
-};
+use crate::calibrate::calibrate_matches;
+use crate::calibrate::{LensModel, MotionModel, Options};
+use crate::error::Error;
+use crate::geometry::constraint::Constraint;
+use crate::geometry::frame::Frame;
+use crate::geometry::intrinsics::Intrinsics;
+use crate::observer::Silent;
+use crate::pairs::correspondence::ImagePair;
+use crate::pairs::refine::{HomographyEstimate, RefineOptions, refine};
+use crate::result::camera::Method;
+use crate::start::rotating_camera::{RotatingOptions, Weighting, calibrate_rotating};
+use crate::synthetic::points::{MotionSpec, PointScene};
 
 /// Pans of 20 degrees about a vertical axis through the optical centre, one at each elevation; 0.5 px, 200 matches, pixels square, the
 /// principal point in the centre.

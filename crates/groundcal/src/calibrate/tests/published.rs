@@ -1,15 +1,22 @@
 //! The method as Knight, Zisserman & Reid published it (`Method::Kzr`): exact data, the three steps done by hand, its error bars.
 
-use groundcal::{
-    calibrate::{HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches},
-    error::Error,
-    geometry::{Division, Frame, Intrinsics, Lens},
-    numerics::{ComplexPoint, complex_pair_eigen},
-    pairs::{ImagePair, PointMatch, direct_linear_transformation},
-    result::Calibration,
-    start::{Constraint, intrinsics_of, solve_unweighted},
-    synthetic::PointScene,
-};
+use crate::calibrate::calibrate_matches;
+use crate::calibrate::{HomographyFit, LensModel, MotionModel, Options};
+use crate::error::Error;
+use crate::geometry::constraint::Constraint;
+use crate::geometry::frame::Frame;
+use crate::geometry::intrinsics::Intrinsics;
+use crate::geometry::lens::Division;
+use crate::geometry::lens::Lens;
+use crate::numerics::linalg::{ComplexPoint, complex_pair_eigen};
+use crate::observer::Silent;
+use crate::pairs::correspondence::{ImagePair, PointMatch};
+use crate::pairs::dlt::direct_linear_transformation;
+use crate::pairs::pair_lens::RadialCorrection;
+use crate::result::calibration::Calibration;
+use crate::result::camera::Method;
+use crate::start::absolute_conic::{intrinsics_of, solve_unweighted};
+use crate::synthetic::points::PointScene;
 use rayon::prelude::*;
 
 fn options(homographies: HomographyFit) -> Options {

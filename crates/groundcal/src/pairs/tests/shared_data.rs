@@ -3,13 +3,15 @@
 
 use std::path::{Path, PathBuf};
 
-use groundcal::{
-    geometry::{Frame, ImageSize},
-    pairs::{PointMatch, RobustHomography, RobustOptions, estimate_robust},
-    vision::{
-        FeatureOptions, GrayImage, MatchOptions, PatchOptions, detect, match_features, match_patches, template_grid,
-    },
-};
+use crate::geometry::frame::Frame;
+use crate::geometry::size::ImageSize;
+use crate::pairs::correspondence::PointMatch;
+use crate::pairs::robust::{RobustHomography, RobustOptions, estimate_robust};
+use crate::vision::features::FeatureOptions;
+use crate::vision::features::detect;
+use crate::vision::features::{MatchOptions, match_features};
+use crate::vision::image::GrayImage;
+use crate::vision::patches::{PatchOptions, match_patches, template_grid};
 use nalgebra::{Matrix3, Vector2, Vector3};
 
 /// The folder of a set, if it is there.
@@ -113,7 +115,7 @@ fn patches_of_the_true_motions_are_good_to_a_few_hundredths_of_a_pixel() {
         let [a, b] = &images;
         let grid = template_grid(a, &options);
         let patches = match_patches(a, &grid, b, &|p| rough.apply(p), &options);
-        let matches: Vec<PointMatch> = patches.iter().map(|m| m.to_point_match(options.model_sigma_px)).collect();
+        let matches: Vec<PointMatch> = patches.iter().map(|m| m.point_match(options.model_sigma_px)).collect();
         let kept = robust(&matches, 6.0).inliers;
         let errors: Vec<Vector2<f64>> = kept
             .iter()

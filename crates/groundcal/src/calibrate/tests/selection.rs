@@ -1,10 +1,12 @@
 //! Which pairs are motions: views that are none must not pass for some, and many views must not take for ever.
 
-use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
-    geometry::{ImageSize, Intrinsics, View, project},
-    pairs::{ImagePair, PointMatch},
-};
+use crate::calibrate::Options;
+use crate::calibrate::calibrate_matches;
+use crate::geometry::intrinsics::Intrinsics;
+use crate::geometry::plane_view::{View, project};
+use crate::geometry::size::ImageSize;
+use crate::observer::Silent;
+use crate::pairs::correspondence::{ImagePair, PointMatch};
 use nalgebra::{Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
