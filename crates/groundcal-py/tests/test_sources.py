@@ -194,7 +194,8 @@ def test_options_reach_the_library(tripod: groundcal.Calibration) -> None:
     held = of(constraint="fixed-pp", principal_point_px=(161, 118))
     assert held.K[0, 2] == 161 and "cx" not in held.standard_deviation
     told = of(priors={"cx": (161.0, 0.01)})
-    assert told.standard_deviation["cx"] <= 0.0101
+    # The error bar is that of the prior, and has what the images leave open.
+    assert 0.0099 < told.standard_deviation["cx"] < 0.2 * of().standard_deviation["cx"]
     assert of(method="linear").to_dict()["method"] == "linear"
     assert of(motion="plane-normal") is not None
     assert of(lens="none").lens_model == "none" and "k1" not in of(lens="none").standard_deviation
