@@ -20,7 +20,7 @@ use crate::{
     geometry::{constraint::Constraint, parameters::PriorParameter},
     refine::{BundleOptions, DepartureKind, State, blocks::MATRIX, prospect::Prospect},
     result::{PriorConflict, Warning},
-    start::linear_camera::{GivenPrior, solve_camera_until},
+    start::linear_camera::{GivenPrior, solve_camera_until, what_is_uncertain},
 };
 
 /// Odds from which on a prior is given up: of four that are tried at most 4 good cameras in 1,000 are flagged. (Measured: of 20 wrong aspect
@@ -85,13 +85,13 @@ pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refin
 
 /// Odds beforehand against each alternative: that one scene in ten departs from the model in one of eight ways.
 const ODDS_AGAINST: f64 = 80.0;
-/// Weight up to which an alternative is passed over: of answers a fraction of one in 400 may be wrong by more than the error bars say.
-const NEGLIGIBLE_WEIGHT: f64 = 0.0025;
+/// Odds of the images from which on an alternative counts: of 240 well-specified scenes 3 % have one. What they say nothing of has odds of 1.
+const OPEN_ODDS: f64 = 4.0;
 /// Factor on an error bar from which on it is said why. (Of 240 well-specified scenes 3 % have more.)
 const WORTH_SAYING: f64 = 1.5;
 
 /// Adds to the error bars what the alternatives that were not taken have against them: the second moment about the answer of a mixture, in which
-/// each has the weight that the evidence gives it (Hoeting et al. 1999, *Bayesian model averaging*).
+/// each that makes the images four times likelier and more has the weight that the evidence gives it (Hoeting et al. 1999, *Bayesian model averaging*).
 ///
 /// ```text
 /// C' = C + sum_k w_k (C_k + d_k d_kT),      w_k = E_k / (E_k + 80 E)
@@ -106,10 +106,15 @@ pub(super) fn allow_for_open_alternatives(refined: &mut Refined) {
     let mut most: Option<(f64, &'static str, &Prospect)> = None;
     for (assumption, prospect) in refined.open.iter().map(|(assumption, p)| (*assumption, p)).chain(of_turn) {
         let weight = 1.0 / (1.0 + ODDS_AGAINST * (-0.5 * prospect.gain).exp());
-        if weight < NEGLIGIBLE_WEIGHT || prospect.step.len() != numbers {
+        if prospect.gain < 2.0 * OPEN_ODDS.ln() || prospect.step.len() != numbers {
             continue;
         }
         let of_it = (&prospect.covariance + &prospect.step * prospect.step.transpose()) * weight;
+        // What is less likely than the answer does not make it one that is not determined.
+        let with = (covariance + &of_it).fixed_view::<MATRIX, MATRIX>(0, 0).into_owned();
+        if weight < 0.5 && what_is_uncertain(&with, &refined.options.frame).is_some() {
+            continue;
+        }
         let share = widening(covariance, &of_it);
         added += of_it;
         if most.is_none_or(|(other, ..)| share > other) {
