@@ -221,3 +221,18 @@ impl groundcal_lab::progress::Progress for Bar {
         interrupt::requested().is_some()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_says_how_far_the_work_is_and_what_is_left() {
+        let seconds = Duration::from_secs;
+        assert_eq!(line("matching pairs", seconds(4), (20, 60)), "matching pairs: 20 of 60, about 8 s left");
+        assert_eq!(line("matching pairs", seconds(6), (60, 60)), "matching pairs: 60 of 60, about 0 s left");
+        // Nothing to count, or nothing of it done yet.
+        assert_eq!(line("solving the camera", seconds(7), (0, 1)), "solving the camera: 7 s");
+        assert_eq!(line("matching pairs", seconds(3), (0, 60)), "matching pairs: 3 s");
+    }
+}

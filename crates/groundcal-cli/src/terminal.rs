@@ -19,7 +19,8 @@ pub(crate) struct TerminalArgs {
     #[arg(long, value_enum, value_name = "WHEN", default_value_t = ColorArg::Auto, global = true, hide_possible_values = true)]
     pub(crate) color: ColorArg,
 
-    /// How progress is shown on standard error: `auto` has a bar on a terminal and lines elsewhere, for what takes longer than seconds
+    /// How progress is shown on standard error, of what takes longer than seconds: `bar`, `plain` (lines), `none`; `auto` has a bar on a
+    /// terminal and lines elsewhere
     #[arg(long, value_enum, value_name = "HOW", default_value_t = ProgressArg::Auto, global = true, hide_possible_values = true)]
     pub(crate) progress: ProgressArg,
 

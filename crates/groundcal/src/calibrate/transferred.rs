@@ -33,7 +33,7 @@ use crate::{
         absolute_conic::WeightedPoint,
         lens_uncertainty::covariance_of_lens,
         linear_camera::CameraSolution,
-        transferred::{Join, camera_transferred},
+        transferred::{Join, Transferred, camera_transferred},
     },
 };
 
@@ -134,10 +134,11 @@ fn camera(
         camera_transferred(&point, &joins, &stages.frame, constraint, aspect)
     };
     // What an axis off the normal does depends on the camera.
-    let k = solved(geometry.circular_point.covariance)?.in_frame;
-    let s = solved(geometry.circular_point.total_covariance(&k, attitude_sigma_rad))?;
-    let tolerance = MAX_LINK_MISFIT + 2.0 * s.covariance_px[(0, 0)].max(0.0).sqrt() / s.intrinsics.fx;
-    if let Some(worst) = s.misfits.iter().copied().reduce(f64::max).filter(|worst| *worst > tolerance) {
+    let k = stages.frame.intrinsics_from_pixel(&solved(geometry.circular_point.covariance)?.camera.intrinsics);
+    let Transferred { camera, estimated, misfits } =
+        solved(geometry.circular_point.total_covariance(&k, attitude_sigma_rad))?;
+    let tolerance = MAX_LINK_MISFIT + 2.0 * camera.covariance_px[(0, 0)].max(0.0).sqrt() / camera.intrinsics.fx;
+    if let Some(worst) = misfits.iter().copied().reduce(f64::max).filter(|worst| *worst > tolerance) {
         return Err(Error::Unsound {
             reason: format!(
                 "the views joined to the motion show its plane stretched by up to {:.0} %, where one camera stretches it in none: they see \
@@ -151,9 +152,9 @@ fn camera(
     let motion = Motion { from: pair.from, to: pair.to, geometry, sides: HorizonSides::One };
     let groups = group_attitudes_until(&[motion], &k, attitude_sigma_rad, observer)?;
     Ok(CameraSolution {
-        intrinsics: s.intrinsics,
-        covariance_px: s.covariance_px,
-        estimated: s.estimated,
+        intrinsics: camera.intrinsics,
+        covariance_px: camera.covariance_px,
+        estimated,
         priors: Vec::new(),
         groups,
         chi_squared: 0.0,

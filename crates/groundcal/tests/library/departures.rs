@@ -56,18 +56,35 @@ fn one_turn_while_all_pictures_are_read_out_is_found_and_named() {
     }
 }
 
-/// A few per cent of aspect ratio hardly show at one attitude: the bars have what the evidence does not exclude.
+/// The same, or refused, where it bends the pictures so that matches are cut off.
 #[test]
-fn what_the_evidence_leaves_open_is_in_the_error_bars() {
-    let (mut answered, mut worst) = (0, 0.0f64);
-    for seed in 0..6 {
-        for aspect in [0.93, 1.06] {
-            let attitudes = [[47.0, 20.0]; 5];
-            let Ok(c) = calibrated(&attitudes, Taken { aspect, row_turn_deg: 0.0 }, 40 + seed) else { continue };
-            answered += 1;
-            worst = worst.max(furthest(&c, aspect));
+fn a_great_turn_while_pictures_are_read_out_is_no_lie() {
+    let mut answered = 0;
+    for (seed, row_turn_deg) in [(11, -1.5), (12, 1.0), (13, 1.5), (14, -1.0)] {
+        match calibrated(&SIX, Taken { aspect: 1.0, row_turn_deg }, seed) {
+            Ok(c) => {
+                answered += 1;
+                let off = furthest(&c, 1.0);
+                assert!(off < 3.5, "{row_turn_deg}: {off} deviations");
+            }
+            Err(error) => assert!(matches!(error, groundcal::Error::Unsound { .. }), "{row_turn_deg}: {error}"),
         }
     }
-    println!("{answered} of 12 answered, {worst:.1} deviations at most");
-    assert!(worst < 4.0, "{worst} deviations");
+    println!("{answered} of 4 answered");
+}
+
+/// A slight turn moves the camera by several of its deviations before the images are sure of it; then the bars have it, and say so. (Without it in the bars
+/// 13 of these 16 are off by more than 3 deviations, up to 5.3.)
+#[test]
+fn what_the_evidence_leaves_open_is_in_the_error_bars() {
+    let mut open = 0;
+    for seed in 0..16 {
+        let c = calibrated(&SIX, Taken { aspect: 1.0, row_turn_deg: -0.25 }, 40 + seed).expect("a camera");
+        if c.warnings.iter().any(|w| w.code() == "assumption_open") {
+            open += 1;
+            let off = furthest(&c, 1.0);
+            assert!(off < 3.5, "seed {seed}: {off} deviations");
+        }
+    }
+    assert!(open >= 8, "{open} of 16 are left open");
 }

@@ -42,9 +42,6 @@ fn pans_without_roll_tell_aspect_and_cy_by_the_spread_of_their_elevations_alone(
     let mut before = f64::INFINITY;
     for (spread, least, most) in [(4.0, 8.0, 20.0), (10.0, 3.0, 10.0), (20.0, 1.5, 5.0), (36.0, 1.0, 4.0)] {
         let [zero_skew, square] = [Constraint::ZeroSkew, Constraint::Square].map(|c| rotating(spread, c).unwrap());
-        println!(
-            "elevations over {spread} degrees: sd of fx, fy, cx, cy in % of f: zero skew {zero_skew:.3?}, square {square:.3?}"
-        );
         // The axis a of a pan lies in the plane of y and z: ω + s b bᵀ, b = K⁻ᵀ a, moves fy / fx and cy together.
         let ratio = zero_skew[3] / square[3];
         assert!(ratio < before && (least..most).contains(&ratio), "{ratio}");
@@ -82,7 +79,6 @@ fn one_motion(roll_deg: f64) -> Option<[f64; 2]> {
 fn one_motion_with_the_principal_point_held_needs_a_roll_between_0_and_90_degrees() {
     for roll in [0.0, 2.0, 5.0, 10.0, 20.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0, 88.0, 90.0] {
         let sd = one_motion(roll);
-        println!("roll {roll}: sd of fx, fy in %: {sd:.2?}");
         match sd {
             None => assert!(!(10.0..=80.0).contains(&roll), "{roll}"),
             Some(sd) => {

@@ -100,7 +100,6 @@ fn its_intervals_hold_the_truth() {
                 std::array::from_fn(|i| f64::from((k[i] - truth[i]).abs() <= 1.96 * sigma[i]) / TRIALS as f64)
             })
             .reduce(|| [0.0; 4], |a, b| std::array::from_fn(|i| a[i] + b[i]));
-        println!("{homographies:?}: 95 % intervals of fx, fy, cx, cy held {held:.3?}");
         // Sampling error 0.9 %.
         assert!(held.iter().all(|share| (0.92..=0.98).contains(share)), "{held:?}");
     }
@@ -174,9 +173,6 @@ fn with_noise_what_is_minimised_is_right_and_the_closed_form_is_biased() {
     let ignored = of(0.0, RadialCorrection::None);
     let model = CORRECTIONS.map(|radial| mean_and_its_deviation(&of(0.0, radial)).0);
     let noisy = CORRECTIONS.map(|radial| mean_and_its_deviation(&of(0.5, radial)));
-    println!(
-        "error of fx, %: ignored {ignored:.1?}; of the model, minimised and in closed form {model:.3?}; with 0.5 px {noisy:.3?}"
-    );
     // What is left without noise is what the one parameter lacks of k1.
     let farthest = model[0].abs().max(model[1].abs());
     assert!(ignored.iter().flatten().all(|error| error.abs() > 5.0 * farthest), "{ignored:.1?}");
