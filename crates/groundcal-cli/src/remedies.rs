@@ -51,7 +51,8 @@ mod tests {
         let message = Warning::NeighboursOnly { images: 50 }.message(&Flags);
         assert_eq!(
             message,
-            "50 images: only neighbours in the given order were compared. Give --pairs to compare others"
+            "50 images: not all pairs were compared, but neighbours in the given order and, of pictures, \
+             those that look most alike. Give --pairs to compare others"
         );
         let text = Flags.remedy(&Remedy::UseConstraint {
             any_of: vec![groundcal::start::Constraint::Auto, groundcal::start::Constraint::Focal],
