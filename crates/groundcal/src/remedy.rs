@@ -11,8 +11,9 @@ use crate::geometry::constraint::Constraint;
 /// # Examples
 /// ```
 /// use groundcal::Remedy;
-/// assert_eq!(Remedy::CLEAR_TURN.code(), "turn_camera");
-/// println!("{}", Remedy::CLEAR_TURN);
+/// let turn = Remedy::TurnCamera { from_deg: 15.0, to_deg: 60.0 };
+/// assert_eq!(turn.code(), "turn_camera");
+/// println!("{turn}");
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

@@ -534,14 +534,14 @@ fn quoted_pattern_is_expanded() {
 }
 
 #[test]
-fn pairs_given_are_the_pairs_looked_at() {
+fn motions_are_looked_for_among_the_pairs_given() {
     let folder = tempdir().unwrap();
     // By name and by the name's stem; the second the other way round.
     let pairs = write(folder.path(), "pairs.csv", "image_a,image_b\n00a.jpg,00b.jpg\n01b,01a\n");
     let json = calibrate(&args(&TRIPOD_TWO_PAIRS, &["--constraint", "square", "--pairs", &pairs])).json();
     let name = |s: &str| s.to_string();
     assert_eq!(used(&json), [(name("00a.jpg"), name("00b.jpg")), (name("01b.jpg"), name("01a.jpg"))]);
-    assert_eq!(json["motions"].as_array().unwrap().len(), 2);
+    assert_eq!(json["motions"].as_array().unwrap().len(), 6, "named first, then the others, which link attitudes");
 }
 
 #[test]

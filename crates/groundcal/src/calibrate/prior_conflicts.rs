@@ -18,14 +18,18 @@ use crate::{
     calibrate::row_turn::with_row_turn,
     error::Error,
     geometry::{constraint::Constraint, parameters::PriorParameter},
-    refine::{BundleOptions, DepartureKind, State, blocks::MATRIX, prospect::Prospect},
+    refine::{
+        BundleOptions, DepartureKind, State,
+        blocks::MATRIX,
+        prospect::{Prospect, row_turn_of_all},
+    },
     result::{PriorConflict, Warning},
     start::linear_camera::{GivenPrior, solve_camera_until, what_is_uncertain},
 };
 
 /// Odds from which on a prior is given up: of four that are tried at most 4 good cameras in 1,000 are flagged. (Measured: of 20 wrong aspect
 /// ratios and skews the odds were 1e2, with a distance of more than 4, to 1e67; of 12 good cameras 1e-1 at most; none of 200 was flagged.)
-const RELEASE_ODDS: f64 = 1e3;
+pub(super) const RELEASE_ODDS: f64 = 1e3;
 /// Standardised distance between a prior's mean and what the data say, from which on the prior is given up where the evidence is
 /// not against it: 6 in 100,000 of a normal variable are beyond.
 const MIN_CONFLICT_SIGMAS: f64 = 4.0;
@@ -100,7 +104,7 @@ pub(super) fn allow_for_open_alternatives(refined: &mut Refined) {
     let covariance = &refined.joint.bundle.cameras[0].covariance;
     let (numbers, _) = covariance.shape();
     let mut added = DMatrix::zeros(numbers, numbers);
-    let turn = refined.joint.bundle.row_turn_of_all();
+    let turn = row_turn_of_all(&refined.joint.bundle);
     let of_turn = turn.iter().filter(|_| refined.row_turn.is_none());
     let of_turn = of_turn.map(|turn| (Alternative::Departing(DepartureKind::RowTurn).assumption(), &turn.prospect));
     let mut most: Option<(f64, &'static str, &Prospect)> = None;

@@ -17,7 +17,7 @@ use crate::{
     refine::{
         BundleOptions, DepartureKind, SceneModel, State, Track,
         adjust::adjust_until,
-        prospect::Prospect,
+        prospect::{Prospect, prospect},
         start::{shown_by, state_from_links},
     },
     remedy::Remedy,
@@ -108,7 +108,7 @@ impl Refined {
 
     /// What an alternative promises, to first order; `None` where that is not defined.
     pub(super) fn prospect(&self, options: &RefinementOptions) -> Option<Prospect> {
-        self.joint.bundle.prospect(&self.joint.tracks, &options.bundle).filter(|prospect| prospect.gain.is_finite())
+        prospect(&self.joint.bundle, &self.joint.tracks, &options.bundle).filter(|prospect| prospect.gain.is_finite())
     }
 
     /// By how much twice the logarithm of the evidence is larger than that of another refinement of the same tracks, where that is more than

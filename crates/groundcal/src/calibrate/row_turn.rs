@@ -10,7 +10,7 @@
 use crate::{
     calibrate::refinement_input::{Refined, RefinementInput, RowTurn},
     error::Error,
-    refine::DepartureKind,
+    refine::{DepartureKind, prospect::row_turn_of_all},
 };
 
 /// Rounds of the turn: Newton's steps, of a number that is nearly linear.
@@ -30,7 +30,7 @@ pub(super) fn with_row_turn(
     if refined.row_turn.is_some() || refined.options.bundle.departures.contains(&DepartureKind::RowTurn) {
         return Ok(None);
     }
-    let Some(mut found) = refined.joint.bundle.row_turn_of_all().filter(|found| found.prospect.gain > needed) else {
+    let Some(mut found) = row_turn_of_all(&refined.joint.bundle).filter(|found| found.prospect.gain > needed) else {
         return Ok(None);
     };
     let (mut turn_rad, mut state) = (0.0, refined.joint.bundle.state.clone());
@@ -41,7 +41,7 @@ pub(super) fn with_row_turn(
         options.bundle = options.bundle.for_trial();
         let starts = vec![state.read_out_turning(turn_rad)];
         let Some(mut tried) = input.tried(refined, refined.solution.clone(), options, starts)? else { break };
-        let Some(left) = tried.joint.bundle.row_turn_of_all() else { break };
+        let Some(left) = row_turn_of_all(&tried.joint.bundle) else { break };
         let gain = tried.gain_over(refined, f64::NEG_INFINITY).map(|gain| gain - left.price(turn_rad));
         state = tried.joint.bundle.state.clone();
         if let Some(twice_log_odds) = gain.filter(|gain| *gain > needed) {

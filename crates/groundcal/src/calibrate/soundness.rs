@@ -3,6 +3,7 @@
 use crate::{
     calibrate::{
         joint::JointSolution,
+        prior_conflicts::RELEASE_ODDS,
         refinement::{Starts, refine_motions},
         refinement_input::{Refined, RefinementOptions},
     },
@@ -14,6 +15,7 @@ use crate::{
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{SceneModel, blocks::MATRIX},
     remedy::Remedy,
+    result::judge::VARIANCE_RANGE,
     select::selection::Selection,
     start::linear_camera::{CameraSolution, solve_camera_until},
 };
@@ -64,6 +66,12 @@ pub(super) fn refine_until_sound(
             Err(error) => Attempt::Failed(error, Some(refined)),
         })
     };
+    let resolve =
+        |left: &Selection| match solve_camera_until(&left.motions(pairs), &options.frame, &options.camera, observer) {
+            Ok(solution) => Ok(Some(solution)),
+            Err(Error::Stopped) => Err(Error::Stopped),
+            Err(_) => Ok(None),
+        };
     let used = selection.used();
     let most = MAX_DROPPED.min((MAX_DROPPED_FRACTION * used.len() as f64) as usize);
     let (mut left, mut solution) = (selection.clone(), solution.clone());
@@ -74,11 +82,17 @@ pub(super) fn refine_until_sound(
             match attempt(&left, &solution, starts)? {
                 Attempt::NothingToRefine => return Ok(None),
                 Attempt::AcceptedRefinement(refined) => {
+                    if dropped < most
+                        && let Some(accepted) = without_wrong_motion(&refined, pairs, &left, resolve, attempt)?
+                    {
+                        return Ok(Some(accepted));
+                    }
                     return Ok(Some(AcceptedRefinement { refined, selection: (dropped > 0).then_some(left) }));
                 }
                 Attempt::Failed(error, refined) => {
                     first_error.get_or_insert(error);
-                    worst = refined.as_ref().map(|r| worst_motion(&r.joint, pairs, &left.used())).or(worst);
+                    let by_residual = refined.as_ref().map(|r| by_residual(&r.joint, pairs, &left.used()));
+                    worst = by_residual.and_then(|motions| motions.first().copied()).or(worst);
                     // Another start does not help where one motion gives all of them attitude errors.
                     if dropped < most && refined.is_some_and(|r| attitude_errors_too_large(&r.joint)) {
                         break;
@@ -87,13 +101,44 @@ pub(super) fn refine_until_sound(
             }
         }
         left = left.clone().without(worst.unwrap_or_else(|| least_matched(pairs, &left.used())));
-        match solve_camera_until(&left.motions(pairs), &options.frame, &options.camera, observer) {
-            Ok(next) => solution = next,
-            Err(Error::Stopped) => return Err(Error::Stopped),
-            Err(_) => break,
+        match resolve(&left)? {
+            Some(next) => solution = next,
+            None => break,
         }
     }
     Err(refused(first_error))
+}
+
+/// The refinement without one motion, where what is left of all of them is above the noise and what is left without that one is noise. A motion that is
+/// wrong bends the camera until lens, skew and pictures are bent too, so that its own residuals need not be the largest: those with the largest are tried.
+fn without_wrong_motion(
+    refined: &Refined,
+    pairs: &[PairObservation],
+    selection: &Selection,
+    resolve: impl Fn(&Selection) -> Result<Option<CameraSolution>, Error>,
+    attempt: impl Fn(&Selection, &CameraSolution, Starts) -> Result<Attempt, Error>,
+) -> Result<Option<AcceptedRefinement>, Error> {
+    if largest_variance(&refined.joint) < VARIANCE_RANGE.end {
+        return Ok(None);
+    }
+    let mut best: Option<(f64, AcceptedRefinement)> = None;
+    for worst in by_residual(&refined.joint, pairs, &selection.used()).into_iter().take(MAX_DROPPED) {
+        let left = selection.clone().without(worst);
+        let Some(solution) = resolve(&left)? else { continue };
+        let Attempt::AcceptedRefinement(other) = attempt(&left, &solution, Starts::Usual)? else { continue };
+        let evidence = other.joint.bundle.evidence.zip(refined.joint.bundle.evidence);
+        let gain = evidence.map_or(0.0, |(without, with)| without.residual_gain_over(&with));
+        let is_noise = largest_variance(&other.joint) < VARIANCE_RANGE.end;
+        if is_noise && gain > 2.0 * RELEASE_ODDS.ln() && best.as_ref().is_none_or(|(most, _)| gain > *most) {
+            best = Some((gain, AcceptedRefinement { refined: other, selection: Some(left) }));
+        }
+    }
+    Ok(best.map(|(_, accepted)| accepted))
+}
+
+/// Variance of what is left of the tracks, of the kind that has most, in units of the matching noise.
+fn largest_variance(joint: &JointSolution) -> f64 {
+    joint.bundle.variance_factors.iter().copied().fold(0.0, f64::max)
 }
 
 enum Attempt {
@@ -146,7 +191,7 @@ pub(super) fn check_soundness(joint: &JointSolution, size: ImageSize) -> Result<
     if directions && bundle.unknowns.first().is_some_and(|camera| !camera.is_free(MATRIX)) {
         return check_field_of_view(&joint.intrinsics, size);
     }
-    let variance = bundle.variance_factors.iter().copied().fold(0.0, f64::max);
+    let variance = largest_variance(joint);
     if variance > MAX_VARIANCE {
         return Err(unsound(format!(
             "no camera explains the motions together: what is left of them is {:.0} times as large as the matching noise",
@@ -183,8 +228,8 @@ pub(super) fn check_field_of_view(k: &Intrinsics, size: ImageSize) -> Result<(),
     )))
 }
 
-/// The pair whose residuals are largest, in the median; where attitude errors are too large, the one whose two attitudes are furthest apart.
-fn worst_motion(joint: &JointSolution, pairs: &[PairObservation], used: &[PairId]) -> PairId {
+/// The pairs, first the one whose residuals are largest, in the median; where attitude errors are too large, whose two attitudes are furthest apart.
+fn by_residual(joint: &JointSolution, pairs: &[PairObservation], used: &[PairId]) -> Vec<PairId> {
     let too_large = attitude_errors_too_large(joint);
     let of_pair = |id: PairId| {
         let Some(views) = joint.views.of_pair(&pairs[id]) else { return 0.0 };
@@ -200,8 +245,9 @@ fn worst_motion(joint: &JointSolution, pairs: &[PairObservation], used: &[PairId
         };
         median(&mut (0..joint.tracks.len()).filter_map(both).collect::<Vec<f64>>())
     };
-    let scored = used.iter().map(|&id| (id, of_pair(id)));
-    scored.max_by(|a, b| a.1.total_cmp(&b.1)).map_or(PairId::new(0), |(id, _)| id)
+    let mut scored: Vec<(PairId, f64)> = used.iter().map(|&id| (id, of_pair(id))).collect();
+    scored.sort_by(|a, b| b.1.total_cmp(&a.1).then(b.0.cmp(&a.0)));
+    scored.into_iter().map(|(id, _)| id).collect()
 }
 
 /// The pair of fewest matches.

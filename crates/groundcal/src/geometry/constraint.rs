@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// # Examples
 /// ```
 /// use groundcal::Constraint;
-/// assert_eq!(Constraint::Square.unknowns(), 3);
+/// assert_eq!(Constraint::Square.to_string(), "square");
 /// assert_eq!(Constraint::ALL.map(Constraint::name)[0], "auto");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]

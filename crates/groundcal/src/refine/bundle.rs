@@ -6,13 +6,12 @@ use crate::{
     geometry::{frame::Frame, intrinsics::Intrinsics},
     numerics::levenberg_marquardt::StopReason,
     refine::{
-        blocks::{BundleOptions, CameraState, CameraUnknowns, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
+        blocks::{CameraState, CameraUnknowns, DepartureKind, MATRIX, RIG_POSE, RigPose, State},
         evidence::Evidence,
         lever::LeverArm,
         problem::Problem,
-        prospect::{Explained, Prospect, RowTurnOfAll, prospect, row_turn_of_all},
         residual::SceneModel,
-        tracks::{KINDS, Track},
+        tracks::KINDS,
         variance_components::Component,
     },
 };
@@ -199,16 +198,5 @@ impl Bundle {
             let mut block = covariance.view_mut((0, 0), added.shape());
             block += added;
         }
-    }
-
-    /// One turn while each picture is read out, as the residuals have it ([`row_turn_of_all`]).
-    pub(crate) fn row_turn_of_all(&self) -> Option<RowTurnOfAll> {
-        row_turn_of_all(&self.problem, &self.state)
-    }
-
-    /// What an alternative promises on the same tracks, to first order ([`prospect`]).
-    pub(crate) fn prospect(&self, tracks: &[Track], options: &BundleOptions) -> Option<Prospect> {
-        let at = Explained { state: &self.state, cost: self.cost, volumes: self.evidence?.volumes };
-        prospect(&self.problem, at, tracks, options)
     }
 }

@@ -49,6 +49,11 @@ impl Evidence {
 
     /// By how much -2 ln E is smaller than another model's of the same tracks.
     pub(crate) fn gain_over(&self, other: &Self) -> f64 {
+        other.squares - self.squares + other.volumes - self.volumes + self.residual_gain_over(other)
+    }
+
+    /// The part of it that residuals have; of a model of some of the tracks, how much better it explains these.
+    pub(crate) fn residual_gain_over(&self, other: &Self) -> f64 {
         let of_kind = |k: usize| {
             let (count, variance) = self.residuals[k];
             let (_, before) = other.residuals[k];
@@ -57,7 +62,7 @@ impl Evidence {
             let ln = |v: f64| v.max(MIN_VARIANCE).ln();
             count / effect * (ln(before) - ln(variance))
         };
-        other.squares - self.squares + other.volumes - self.volumes + (0..KINDS).map(of_kind).sum::<f64>()
+        (0..KINDS).map(of_kind).sum()
     }
 }
 

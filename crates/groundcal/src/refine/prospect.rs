@@ -18,8 +18,8 @@ use crate::{
     },
     refine::{
         adjust::of_any_picture,
-        blocks::{BundleOptions, DepartureKind, FRAME_YAW, State},
-        bundle::FIRST_CAMERA,
+        blocks::{BundleOptions, DepartureKind, FRAME_YAW},
+        bundle::{Bundle, FIRST_CAMERA},
         evidence::volumes,
         layout::ProblemInputs,
         problem::Problem,
@@ -28,14 +28,6 @@ use crate::{
         variance_components::VarianceComponents,
     },
 };
-
-/// Where a problem was minimised: state, cost, and V there.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Explained<'a> {
-    pub(crate) state: &'a State,
-    pub(crate) cost: f64,
-    pub(crate) volumes: f64,
-}
 
 /// What an alternative promises.
 #[derive(Debug, Clone, PartialEq)]
@@ -48,14 +40,9 @@ pub(crate) struct Prospect {
     pub(crate) covariance: DMatrix<f64>,
 }
 
-/// What an alternative promises; `None` where that is not defined or not determined at this state.
-pub(crate) fn prospect(
-    problem: &Problem,
-    at: Explained<'_>,
-    tracks: &[Track],
-    options: &BundleOptions,
-) -> Option<Prospect> {
-    let state = at.state;
+/// What an alternative promises on the tracks of `bundle`; `None` where that is not defined or not determined at its state.
+pub(crate) fn prospect(bundle: &Bundle, tracks: &[Track], options: &BundleOptions) -> Option<Prospect> {
+    let (problem, state, volumes_here) = (&bundle.problem, &bundle.state, bundle.evidence?.volumes);
     let mut other = problem.with(&ProblemInputs {
         scene: problem.scene,
         tracks,
@@ -86,7 +73,7 @@ pub(crate) fn prospect(
         }
     }
     Some(Prospect {
-        gain: 2.0 * (at.cost - linearised.cost() + step.predicted_decrease) + at.volumes - volumes,
+        gain: 2.0 * (bundle.cost - linearised.cost() + step.predicted_decrease) + volumes_here - volumes,
         step: there.cameras[FIRST_CAMERA].numbers() - state.cameras[FIRST_CAMERA].numbers(),
         covariance,
     })
@@ -130,7 +117,8 @@ impl RowTurnOfAll {
 }
 
 /// A turn that pictures out of a pan have in common, or of a robot that turns on. `None` where it is not defined.
-pub(crate) fn row_turn_of_all(problem: &Problem, state: &State) -> Option<RowTurnOfAll> {
+pub(crate) fn row_turn_of_all(bundle: &Bundle) -> Option<RowTurnOfAll> {
+    let (problem, state) = (&bundle.problem, &bundle.state);
     let linearised = problem.linearise(state)?;
     let factor = linearised.information.cholesky(0.0)?;
     let by_turn: &ByNumbers<'_, 1> = &|(_, camera), projection| {

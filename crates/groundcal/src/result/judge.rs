@@ -20,7 +20,7 @@ use crate::{
 
 /// Variance of the residuals, in units of the matching noise, outside of which they are no noise of that size. (Of 198 well-specified
 /// scenes of points it lies in 0.93 to 1.22, of rendered pictures up to 1.95, of a real panorama that is right to 0.05 % it is 4.4.)
-const VARIANCE_RANGE: std::ops::Range<f64> = 0.7..5.0;
+pub(crate) const VARIANCE_RANGE: std::ops::Range<f64> = 0.7..5.0;
 /// Probability at which a variance below that is not put down to few residuals.
 const CHANCE_P: f64 = 1e-3;
 /// Residuals that are smaller than the noise of the matches.
