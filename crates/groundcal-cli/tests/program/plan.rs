@@ -176,7 +176,7 @@ fn what_cannot_be_planned_is_refused() {
     let out = folder.path().join("out");
     let out = text(&out);
     let known = read_names(folder.path());
-    let cases: [(&[&str], i32, &str); 17] = [
+    let cases: [(&[&str], i32, &str); 18] = [
         (&["--tilts-deg", "90"], 3, "straight down"),
         (&["--max-turn-deg", "0"], 3, "--max-turn-deg"),
         (&["--tilts-deg", "-40"], 3, "shows enough floor"),
@@ -188,6 +188,7 @@ fn what_cannot_be_planned_is_refused() {
         (&["--points", "3"], 2, "3 points"),
         (&["--height-m", "nan"], 2, "--height-m"),
         (&["--tilts-deg", "10:20"], 2, "FROM:TO:STEP"),
+        (&["--distortion", "fisheye"], 2, "fisheye"),
         (&["--tilts-deg", "120"], 2, "tilt 120 degrees must"),
         (&["--attitude-sigma-deg", "50"], 2, "attitude sigma 50"),
         (&["--after", "nothing.json"], 4, "nothing.json"),

@@ -13,7 +13,7 @@ use crate::{
         general::solve_general,
         lens::{estimated_lens_of_motions, given_lens_of_motions, lens_placed_by_motions, through_own_camera},
         names::Names,
-        options::{HomographyFit, LensModel, Method, MotionModel, Options},
+        options::{HomographyFit, Method, MotionModel, Options},
         order::{content_key, in_order_of_images},
         outcome::assemble,
         plane_normal::solve_plane_normal,
@@ -233,7 +233,7 @@ fn observe_pairs(
         let (pairs, finding) = find_lens(pairs, lens, &stages.observe, observer)?;
         return Ok((pairs, finding.into()));
     }
-    if options.distortion.is_none() && options.lens == LensModel::Fisheye {
+    if options.distortion.is_none() && options.lens.is_fisheye() {
         let centre = options.assumed_principal_point(stages.size);
         let (pairs, placement) = find_fisheye(pairs, stages.size, centre, &stages.observe, observer)?;
         return Ok((pairs, KnownLens::Placed(placement)));

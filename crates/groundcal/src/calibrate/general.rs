@@ -13,7 +13,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 use crate::{
     calibrate::{
         joint::JointSolution,
-        options::{LensModel, Method},
+        options::Method,
         prior_conflicts::{allow_for_open_alternatives, release_contradicted_priors},
         refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted, shown_by_all},
         setup::{Setup, starting_camera},
@@ -134,8 +134,8 @@ fn refinement_options(lens: &KnownLens, stages: &StageOptions<'_>) -> Refinement
     bundle.attitude_sigma_rad = Some(f64::INFINITY);
     RefinementOptions {
         frame: stages.frame,
-        k2_is_held: options.lens == LensModel::K1,
-        radtan_only: options.lens == LensModel::Radtan,
+        k2_is_held: options.lens.holds_k2(),
+        radtan_only: options.lens.is_radtan_only(),
         bundle,
         camera: stages.camera.clone(),
     }
@@ -155,7 +155,7 @@ fn starts(input: &RefinementInput<'_>, lens: &KnownLens, stages: &StageOptions<'
         let f_px = start.f * stages.frame.scale_px;
         let origin = stages.frame.origin_px;
         let k = Intrinsics { fy: f_px * aspect, ..Intrinsics::square(f_px, origin.x, origin.y) };
-        let camera = starting_camera(&k, lens, stages.options.lens == LensModel::K1, &stages.frame);
+        let camera = starting_camera(&k, lens, stages.options.lens.holds_k2(), &stages.frame);
         let m: Vec<Matrix3<f64>> = of_views.iter().map(|h| in_camera_coordinates(h, start.f, aspect)).collect();
         let up = towards_camera(&start.normal, reference, input, &k);
         state_of_views(camera, &up, &m)

@@ -46,6 +46,52 @@ pub enum LensModel {
     Fisheye,
 }
 
+// Every lens model is named in each of these, so that a new one is asked for all of it.
+impl LensModel {
+    /// Whether its coefficients are a fisheye's.
+    pub(crate) fn is_fisheye(self) -> bool {
+        match self {
+            Self::None | Self::K1 | Self::K1K2 | Self::Radtan => false,
+            Self::Fisheye => true,
+        }
+    }
+
+    /// Whether its first coefficients are found from homographies of planes before a camera is known.
+    pub(crate) fn is_found_from_planes(self) -> bool {
+        match self {
+            Self::None | Self::Fisheye => false,
+            Self::K1 | Self::K1K2 | Self::Radtan => true,
+        }
+    }
+
+    /// Whether it is Brown-Conrady without k2.
+    pub(crate) fn holds_k2(self) -> bool {
+        match self {
+            Self::K1 => true,
+            Self::None | Self::K1K2 | Self::Radtan | Self::Fisheye => false,
+        }
+    }
+
+    /// Whether somebody said that the lens is no fisheye.
+    pub(crate) fn is_radtan_only(self) -> bool {
+        match self {
+            Self::Radtan => true,
+            Self::None | Self::K1 | Self::K1K2 | Self::Fisheye => false,
+        }
+    }
+
+    /// Whether a number of the lens, for which a prior may be given, is estimated.
+    fn estimates(self, parameter: PriorParameter) -> bool {
+        use PriorParameter::{K1, K2, K3, P1, P2};
+        match self {
+            Self::None => false,
+            Self::K1 => matches!(parameter, K1 | P1 | P2),
+            Self::K1K2 | Self::Radtan => matches!(parameter, K1 | K2 | K3 | P1 | P2),
+            Self::Fisheye => matches!(parameter, K1 | K2 | K3),
+        }
+    }
+}
+
 /// How the homographies of [`Method::Kzr`] are fitted to the matches that a robust search finds to be on the plane.
 ///
 /// # Examples
@@ -375,7 +421,6 @@ impl Options {
     /// Whether a number of the camera is estimated at all.
     fn is_estimated(&self, parameter: PriorParameter) -> bool {
         let free = self.constraint.free();
-        let lens_unknown = self.distortion.is_none();
         match parameter {
             PriorParameter::Fx => free[0],
             PriorParameter::Aspect => free[1],
@@ -383,12 +428,8 @@ impl Options {
             PriorParameter::Cy => free[3],
             // `auto` holds the skew at zero unless it is told otherwise.
             PriorParameter::Skew => free[4] || self.constraint == Constraint::Auto,
-            PriorParameter::K1 => lens_unknown && self.lens != LensModel::None,
-            PriorParameter::P1 | PriorParameter::P2 => {
-                lens_unknown && !matches!(self.lens, LensModel::None | LensModel::Fisheye)
-            }
-            PriorParameter::K2 | PriorParameter::K3 => {
-                lens_unknown && !matches!(self.lens, LensModel::None | LensModel::K1)
+            PriorParameter::K1 | PriorParameter::K2 | PriorParameter::K3 | PriorParameter::P1 | PriorParameter::P2 => {
+                self.distortion.is_none() && self.lens.estimates(parameter)
             }
         }
     }
@@ -420,8 +461,7 @@ impl Options {
 
     /// Whether the distortion is to be found.
     pub(super) fn lens_is_unknown(&self) -> bool {
-        let of_planes = !matches!(self.lens, LensModel::None | LensModel::Fisheye);
-        self.distortion.is_none() && of_planes && self.method != Method::Kzr
+        self.distortion.is_none() && self.lens.is_found_from_planes() && self.method != Method::Kzr
     }
 
     /// What the closed-form camera is told.
@@ -448,7 +488,7 @@ impl Options {
     /// What is estimated of a lens. The decentring of Brown-Conrady always is: else it is taken for the principal point.
     fn free_lens(&self, unknowns: &mut CameraUnknowns) {
         use PriorParameter::{K1, K2, K3, P1, P2};
-        if self.lens == LensModel::Fisheye {
+        if self.lens.is_fisheye() {
             let given = [Some(K1), Some(K2), Some(K3), None].map(|p| p.and_then(|p| self.given_prior(p)));
             for (k, (given, sigma)) in given.into_iter().zip(FISHEYE_SIGMAS).enumerate() {
                 unknowns.free_lens(k, Some(given.unwrap_or((0.0, sigma))));

@@ -30,6 +30,7 @@ use crate::{
     },
     select::{
         attitude_groups::AttitudeGroup,
+        attitude_groups::DIFFERENT_ATTITUDE,
         selection::{MotionKind, PairVerdict, Rejection, Selection},
     },
 };
@@ -318,8 +319,9 @@ fn why_not_used(
         Rejection::OtherAttitude { pair: other, image, sigmas } => {
             let [from, to] = pairs[other].images().map(|image| names.of(image));
             format!(
-                "not a turn about the floor's normal: {} has another attitude in {from} - {to} ({sigmas:.0} sigma)",
-                names.of(image)
+                "not a turn about the floor's normal: {} has another attitude in {from} - {to} ({sigmas:.0} sigma, {:.1} are allowed)",
+                names.of(image),
+                DIFFERENT_ATTITUDE.sqrt()
             )
         }
         Rejection::LeftOut => {

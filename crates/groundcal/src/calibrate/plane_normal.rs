@@ -4,7 +4,7 @@ use crate::{
     calibrate::{
         checks::unmodelled_distortion,
         departures::departures_found,
-        options::{HELD_ATTITUDE_SIGMA_DEG, LensModel, Method},
+        options::{HELD_ATTITUDE_SIGMA_DEG, Method},
         prior_conflicts::WIDE_LN_ASPECT,
         refinement_input::RefinementOptions,
         solved::{Solved, share_of},
@@ -43,8 +43,8 @@ pub(super) fn solve_plane_normal(
     let mut solution = first_camera(&selection.motions(pairs), &camera, stages, observer)?;
     let mut refinement = RefinementOptions {
         frame: *frame,
-        k2_is_held: options.lens == LensModel::K1,
-        radtan_only: options.lens == LensModel::Radtan,
+        k2_is_held: options.lens.holds_k2(),
+        radtan_only: options.lens.is_radtan_only(),
         bundle: options.refinement(stages.size, &camera, lens.is_estimated()),
         camera: camera.clone(),
     };

@@ -199,7 +199,7 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<(O
     offer(&mut best, with_outlier_frame(input, refined, needed)?);
     offer(&mut best, with_row_turn(input, refined, needed)?);
     // A fisheye has no decentring.
-    let releases = RELEASES.into_iter().filter(|numbers| numbers[0] < DECENTRING || refined.fisheye.is_none());
+    let releases = RELEASES.into_iter().filter(|numbers| numbers[0] < DECENTRING || !refined.has_fisheye_lens());
     let departures = DepartureKind::ALL.into_iter().map(Alternative::Departing);
     let mut promising: Vec<(f64, Alternative, RefinementOptions)> = Vec::new();
     let mut prospects = Vec::new();
@@ -256,7 +256,7 @@ fn without_prior(
     input.observer.go_on()?;
     // The closed form knows the lens of Brown and Conrady alone, and of the tracks those of the motions: with links between attitudes its
     // start is far from any minimum of theirs, and without them it has been tried.
-    let of_motions = refined.fisheye.is_none() && refined.joint.cross_links.is_empty();
+    let of_motions = !refined.has_fisheye_lens() && refined.joint.cross_links.is_empty();
     let usual_lens = closed_form.as_ref().filter(|_| of_motions);
     starts.extend(usual_lens.and_then(|solution| input.start(solution, 1.0)));
     let solution = closed_form.unwrap_or_else(|| refined.solution.clone());

@@ -97,13 +97,19 @@ pub(super) fn refine_motions(
     Ok(Some(refined))
 }
 
-/// The closed form under the constraints that are tried when that asked for leads nowhere.
+/// The closed form under the constraints that are tried when that asked for leads nowhere: those that hold what that holds.
 fn under_other_constraints(input: &RefinementInput<'_>, options: &RefinementOptions) -> Vec<CameraSolution> {
     let under = |constraint: Constraint| {
         let camera = CameraOptions { constraint, ..options.camera.clone() };
         solve_camera_until(&input.motions, &options.frame, &camera, input.observer).ok()
     };
-    [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal].into_iter().filter_map(under).collect()
+    let asked = options.camera.constraint.free();
+    let holds_as_much = |other: &Constraint| other.free().iter().zip(asked).all(|(free, asked)| asked || !free);
+    [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal]
+        .into_iter()
+        .filter(holds_as_much)
+        .filter_map(under)
+        .collect()
 }
 
 /// Refined again with the ordinary matches of views of different attitudes that see the same floor, and with images outside of any motion

@@ -10,13 +10,14 @@ use crate::{
         views::Views,
     },
     error::Error,
-    geometry::{attitude::attitude_rotation, frame::Frame, intrinsics::Intrinsics},
+    geometry::{attitude::attitude_rotation, frame::Frame, intrinsics::Intrinsics, lens::Lens},
     ids::PairId,
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{
         BundleOptions, DepartureKind, SceneModel, State, Track,
         adjust::adjust_until,
+        bundle::FIRST_CAMERA,
         prospect::{Prospect, prospect},
         start::{shown_by, state_from_links},
     },
@@ -90,6 +91,11 @@ impl Refined {
             Some(RowTurn { turn_rad, .. }) => state.read_out_turning(turn_rad),
             None => state,
         }
+    }
+
+    /// Whether the lens is a fisheye's, found or asked for.
+    pub(super) fn has_fisheye_lens(&self) -> bool {
+        matches!(self.joint.bundle.state.cameras[FIRST_CAMERA].lens, Lens::Fisheye(_))
     }
 
     /// Whether the attitude errors are larger than those of a camera that stands still.

@@ -1,7 +1,7 @@
 //! The options of every stage, made once from those of the calibration.
 
 use crate::{
-    calibrate::options::{LensModel, MotionModel, Options},
+    calibrate::options::{MotionModel, Options},
     geometry::{frame::Frame, size::ImageSize},
     pairs::{
         known_lens::LensOptions,
@@ -87,7 +87,7 @@ impl<'a> StageOptions<'a> {
             robust: options.robust,
             seed: options.seed,
         };
-        let with_k2 = options.lens != LensModel::K1;
+        let with_k2 = !options.lens.holds_k2();
         let lens = LensOptions { size, frame, middling_camera, with_k2 };
         Self {
             options,

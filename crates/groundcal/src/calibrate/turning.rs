@@ -5,13 +5,8 @@ use nalgebra::SMatrix;
 
 use crate::{
     calibrate::{
-        joint::JointSolution,
-        options::{LensModel, Method},
-        refinement::refine_turning,
-        refinement_input::RefinementOptions,
-        solved::Solved,
-        soundness::check_soundness,
-        stage_options::StageOptions,
+        joint::JointSolution, options::Method, refinement::refine_turning, refinement_input::RefinementOptions,
+        solved::Solved, soundness::check_soundness, stage_options::StageOptions,
     },
     error::Error,
     geometry::intrinsics::Intrinsics,
@@ -101,8 +96,8 @@ fn refinement_options(lens: &KnownLens, stages: &StageOptions<'_>) -> Refinement
     let options = stages.options;
     RefinementOptions {
         frame: stages.frame,
-        k2_is_held: options.lens == LensModel::K1,
-        radtan_only: options.lens == LensModel::Radtan,
+        k2_is_held: options.lens.holds_k2(),
+        radtan_only: options.lens.is_radtan_only(),
         bundle: options.refinement(stages.size, &stages.camera, lens.is_estimated()),
         camera: stages.camera.clone(),
     }

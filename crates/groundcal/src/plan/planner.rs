@@ -209,6 +209,9 @@ impl PlanOptions {
         if !within(rig.reach, 0.5, 1e4) {
             return fail(format!("floor seen up to {} camera heights: give 0.5 to 10000", rig.reach));
         }
+        if self.calibration.lens.is_fisheye() {
+            return fail("motions are not planned for a fisheye's lens: give radtan, k1 or none".into());
+        }
         self.calibration.validate(self.size)
     }
 }

@@ -131,7 +131,8 @@ fn weighted_points(motions: &[Motion], k: &Intrinsics, attitude_sigma_rad: f64) 
     motions.iter().map(weighted).collect()
 }
 
-/// The same under an observer's eyes.
+/// Motions of one attitude, whether or not they share an image: the nearest two groups are joined as long as their fused circular points are nearer than
+/// [`DIFFERENT_ATTITUDE`].
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.

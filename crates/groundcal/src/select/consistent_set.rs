@@ -65,7 +65,7 @@ pub(crate) enum Verdict {
     },
 }
 
-/// What a set must have beyond coincidence: odds of twenty to one.
+/// What a set must have beyond coincidence, 2 ln n of n candidates: odds of twenty to one. A single motion must have it of its height ratio.
 pub(crate) const MARGIN_LOG_ODDS: f64 = 3.0;
 
 /// How cameras keep their height between the two images of a motion: share of motions, standard deviation of ln ρ. Tripods moved on a

@@ -108,7 +108,8 @@ pub(crate) fn select_plane_normal(
 /// [`Error::NoUsableMotion`], with the matches of a background that stands still named.
 fn check_single(motion: &Motion, background: usize) -> Result<(), Error> {
     let (height_ratio, sigma) = (motion.geometry.height_ratio, motion.geometry.height_ratio_sigma);
-    if height_log_odds(height_ratio, sigma) >= MARGIN_LOG_ODDS {
+    let log_odds = height_log_odds(height_ratio, sigma);
+    if log_odds >= MARGIN_LOG_ODDS {
         return Ok(());
     }
     let still = match background {
@@ -119,7 +120,7 @@ fn check_single(motion: &Motion, background: usize) -> Result<(), Error> {
         pairs: 1,
         reason: format!(
             "nothing shows that the camera turned without tilting: the ratio of its heights over the plane is {height_ratio:.4} +- {sigma:.4}, \
-             where a camera that keeps its height has 1, and one that tilted has any. Such a focal length may be wrong by half{still}"
+             where a camera that keeps its height has 1, and one that tilted has any (log odds {log_odds:.1}, {MARGIN_LOG_ODDS:.1} needed). Such a focal length may be wrong by half{still}"
         ),
         remedies: vec![Remedy::MoreMotions, Remedy::VouchPlaneNormal],
     })

@@ -29,7 +29,8 @@ use crate::{
 pub use crate::geometry::constraint::Constraint;
 
 impl Constraint {
-    /// Basis of the allowed conics, columns (ω11, ω12, ω13, ω22, ω23, ω33); `aspect` is fy / fx.
+    /// Basis of the conics ω that the constraint allows (KZR 1.1), columns (ω11, ω12, ω13, ω22, ω23, ω33): ω12 = 0 without skew, ω11 = aspect² ω22 for a
+    /// known `aspect` fy / fx, ω13 = ω23 = 0 for a principal point at the frame's origin. Whatever is not linear in ω has no basis.
     pub(crate) fn basis(self, aspect: f64) -> DMatrix<f64> {
         let square = [1.0, 0.0, 0.0, 1.0 / (aspect * aspect), 0.0, 0.0];
         let unit = |i: usize| std::array::from_fn(|j| if i == j { 1.0 } else { 0.0 });
@@ -279,7 +280,8 @@ pub(crate) fn refine(
     })
 }
 
-/// The two rows of eᵀ ω e in (ω11, ω12, ω13, ω22, ω23, ω33) for the symmetric product of two points.
+/// The equations eᵀ ω d = 0 in (ω11, ω12, ω13, ω22, ω23, ω33), real part and imaginary part. Of a circular point e = p + iq with itself (KZR 1.1):
+/// pᵀωp - qᵀωq = 0 and 2 pᵀωq = 0.
 fn conic_rows(e: &ComplexPoint, d: &ComplexPoint) -> [SVector<f64, 6>; 2] {
     let c = [e.x * d.x, e.x * d.y + e.y * d.x, e.x * d.z + e.z * d.x, e.y * d.y, e.y * d.z + e.z * d.y, e.z * d.z];
     [SVector::from(c.map(|z| z.re)), SVector::from(c.map(|z| z.im))]
