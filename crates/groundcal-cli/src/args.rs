@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{FeatureDensity, LensModel, MotionModel},
+    FeatureDensity, LensModel, MotionModel,
     geometry::{Camera, ImageSize},
     start::{Constraint, GivenPrior, PriorParameter},
 };

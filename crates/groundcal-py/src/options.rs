@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use groundcal::{
-    calibrate::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection},
+    FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection,
     geometry::{Camera, Constraint, ImageSize, Lens},
     result::PriorParameter,
     start::GivenPrior,

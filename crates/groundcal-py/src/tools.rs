@@ -48,7 +48,7 @@ fn of_file(path: &std::path::Path, notes: &mut Vec<String>) -> Result<compare::C
 fn of_handle(name: String, handle: &Handle) -> compare::Camera {
     let c = handle.calibration();
     let camera = &c.camera;
-    let known = |covariance: &Covariance<_>| covariance.is_known().then(|| covariance.clone());
+    let known = |covariance: &Covariance<_>| (!covariance.parameters.is_empty()).then(|| covariance.clone());
     compare::Camera {
         name,
         format: "groundcal",

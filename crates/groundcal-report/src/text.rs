@@ -4,7 +4,6 @@
 use groundcal::{
     Wording,
     geometry::Lens,
-    numerics::NORMAL_95,
     result::{
         Calibration, CameraOnBase, LensSource, Method, MotionKind, MotionReport, Parameter, Scene, Verdict,
         VerdictLevel, VerdictReason, level_with,
@@ -313,9 +312,9 @@ fn camera(c: &Calibration) -> Table {
     for p in Parameter::ALL {
         let value = c.value(p);
         let decimals = if p.is_of_lens() { 5 } else { 3 };
-        match c.standard_deviation(p) {
-            Some(sigma) => {
-                let [low, high] = [-NORMAL_95, NORMAL_95].map(|t| fixed(value + t * sigma, decimals));
+        match c.standard_deviation(p).zip(c.interval_95(p)) {
+            Some((sigma, interval)) => {
+                let [low, high] = interval.map(|v| fixed(v, decimals));
                 let of_fx = if p.is_of_lens() { String::new() } else { fixed(100.0 * sigma / c.camera.fx, 3) };
                 let [estimate, error] = [value, sigma].map(|v| fixed(v, decimals));
                 table.row([p.to_string(), estimate, error, format!("{low} to {high}"), of_fx]);
@@ -331,7 +330,8 @@ fn camera(c: &Calibration) -> Table {
 fn priors(c: &Calibration) -> Table {
     let mut table = Table::new().name("prior").number("mean").number("std. dev.").number("narrowed by the images to");
     for p in &c.priors {
-        let unit = if p.parameter.is_in_pixels() { ", px" } else { "" };
+        use groundcal::PriorParameter::{Cx, Cy, Fx, Skew};
+        let unit = if matches!(p.parameter, Fx | Cx | Cy | Skew) { ", px" } else { "" };
         let narrowed = fixed(100.0 * p.posterior_over_prior.min(1.0), 0);
         table.row([format!("{}{unit}", p.parameter), fixed(p.mean, 3), fixed(p.sigma, 3), format!("{narrowed} %")]);
     }

@@ -4,8 +4,9 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, priors_of},
+    HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches,
     geometry::{Camera, ImageSize, Lens},
+    priors_of,
     result::{Calibration, Warning},
     start::GivenPrior,
     vision::GrayImage,

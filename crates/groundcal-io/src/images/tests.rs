@@ -351,7 +351,7 @@ fn a_converter_is_used_where_there_is_one() {
     std::fs::set_permissions(&tool, PermissionsExt::from_mode(0o755)).unwrap();
     let reader = ImageFiles::with_converters(vec![tools.0.path().to_path_buf()]);
     let read = read_with(&reader, std::slice::from_ref(&heic), &Silent).unwrap();
-    assert_eq!(read.images[0].width(), W as usize);
+    assert_eq!(read.images[0].size().width, W as usize);
     assert!(read.notes[0].to_string().contains("read through heif-convert"), "{:?}", read.notes);
     // One tile of a larger picture is no picture.
     let mut tiled = std::fs::read(&heic).unwrap();
@@ -384,7 +384,7 @@ fn a_raw_image_goes_through_the_next_converter() {
     tool("dcraw", format!("#!/bin/sh\ncat '{}'\n", result.display()));
     let read = read_with(&reader, &[raw], &Silent).unwrap();
     assert!(read.notes[0].to_string().contains("read through dcraw"), "{:?}", read.notes);
-    assert_eq!(read.images[0].width(), W as usize);
+    assert_eq!(read.images[0].size().width, W as usize);
 }
 
 /// Sizes are refused by the header, before memory is taken.

@@ -152,7 +152,7 @@ impl Flat {
     /// Where a pixel of the frame is on the rectified picture.
     fn place(&self, view: &FloorView, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let floor = view.floor_from_pixel(pixel)?;
-        ((floor - view.foot()).norm() < RANGE_HEIGHTS).then(|| self.grid.pixel_from_floor(&floor))
+        ((floor - view.centre().xy()).norm() < RANGE_HEIGHTS).then(|| self.grid.pixel_from_floor(&floor))
     }
 
     fn on_white(&self) -> RgbImage8 {

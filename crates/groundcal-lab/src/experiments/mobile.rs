@@ -4,11 +4,7 @@
 use std::fmt::Write;
 
 use groundcal::{
-    Error,
-    calibrate::{LensModel, Options, Silent, calibrate_matches},
-    geometry::Frame,
-    pairs::ImagePair,
-    start::Constraint,
+    Error, LensModel, Options, Silent, calibrate_matches, geometry::Frame, pairs::ImagePair, start::Constraint,
 };
 use rayon::prelude::*;
 

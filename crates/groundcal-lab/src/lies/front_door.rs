@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_images, calibrate_matches},
+    Options, Silent, calibrate_images, calibrate_matches,
     geometry::ImageSize,
     result::{Calibration, ResidualReport},
 };

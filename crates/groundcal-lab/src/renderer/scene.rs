@@ -7,7 +7,7 @@
 //! x ~ K lens(A_g Rz(-yaw) [I | -c] X)
 //! ```
 //!
-//! with `A_g` the attitude of the view's group; [`groundcal::geometry::attitude_rotation`] gives the signs of all angles.
+//! with `A_g` the attitude of the view's group; [`groundcal::geometry::rotation_cam_from_world`] gives the signs of all angles.
 
 use std::collections::BTreeMap;
 

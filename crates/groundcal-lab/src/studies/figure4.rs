@@ -12,13 +12,11 @@ use rand_pcg::Pcg64Mcg;
 
 use crate::studies::setting::{Asked, Attitudes, FOCAL_OVER_WIDTH, Setting};
 use groundcal::{
-    Error,
-    calibrate::{LensModel, Options, Silent, calibrate_matches},
+    Error, LensModel, Options, Silent, calibrate_matches,
     geometry::{Frame, Intrinsics, Lens, View, angles_from_rotation, rotation_cam_from_world},
-    numerics::NORMAL_95,
     pairs::{ImagePair, PointMatch, direct_linear_transformation, gold_standard_homography},
     start::{Constraint, rotating_camera, unweighted_camera},
-    synthetic::{HeightModel, MotionSpec, NOMINAL_RANGE, PointScene, SyntheticPair, cramer_rao_bound},
+    synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound},
 };
 
 /// One of the five studies.
@@ -239,6 +237,9 @@ const FOCAL_SPREAD: f64 = 0.05;
 const ASPECT_SPREAD: f64 = 0.02;
 const PRINCIPAL_POINT_SPREAD: f64 = 0.03;
 
+/// Standard deviations to either side of a two-sided 95 % interval.
+const NORMAL_95: f64 = 1.959_963_984_540_054;
+
 /// The largest noise that the robust estimator is told of, over the true one, where that exceeds its default.
 const NOISE_MARGIN: f64 = 1.5;
 
@@ -278,8 +279,7 @@ pub fn scene(condition: &Condition, seed: u64, trial: u64) -> PointScene {
         matches,
         sigma_px: condition.noise_px,
         outlier_fraction: 0.0,
-        reach: NOMINAL_RANGE,
-        seed: own_seed,
+        ..PointScene::nominal(own_seed)
     }
 }
 
@@ -328,10 +328,16 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
     Trial { true_fx_px: truth.fx, estimates, bound_px, fewest_matches }
 }
 
+/// The frame as a camera: its coordinates are what a ray has in that.
+pub(super) fn as_camera(frame: &Frame) -> Intrinsics {
+    Intrinsics::square(frame.scale_px, frame.origin_px.x, frame.origin_px.y)
+}
+
 /// The normalised linear homography in the frame, nothing refined.
 pub(super) fn linear_homography(matches: &[PointMatch], frame: &Frame) -> Option<Matrix3<f64>> {
-    let local: Vec<PointMatch> =
-        matches.iter().map(|m| PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m }).collect();
+    let frame = as_camera(frame);
+    let local = |p: &Vector2<f64>| frame.normalised_from_pixel(p);
+    let local: Vec<PointMatch> = matches.iter().map(|m| PointMatch { a: local(&m.a), b: local(&m.b), ..*m }).collect();
     direct_linear_transformation(&local).map(|(h, _)| h)
 }
 

@@ -1,6 +1,6 @@
 //! What a calibration may be told, and what the camera's stages and the refinement make of it.
 
-pub use crate::result::Method;
+pub(crate) use crate::result::Method;
 use crate::{
     error::Error,
     geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},

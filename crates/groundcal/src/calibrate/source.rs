@@ -141,17 +141,51 @@ impl<'a> PreparedImages<'a> {
         options: &Options,
         observer: &dyn Observer,
     ) -> Result<Source<'a>, Error> {
-        let features = observer.map(Stage::Features, &self.images, |image| detect_until(image, features, observer))?;
+        let features = features_of(&self.images, features, observer)?;
         let mut pairs = self.pairs.clone();
         if self.many {
             pairs.extend(likely_pairs(&features, &pairs, options, observer)?);
         }
-        let matched = observer.map(Stage::Matching, &pairs, |&(from, to)| {
-            let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
-            Ok(ImagePair { from, to, matches })
-        })?;
+        let matched = matched(&features, &pairs, options, observer)?;
         of_images(self.names, self.images.clone(), (matched, self.named), options, self.warnings.clone())
     }
+}
+
+/// The features of each image.
+fn features_of(
+    images: &[GrayImage],
+    options: &FeatureOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<Features>, Error> {
+    observer.map(Stage::Features, images, |image| detect_until(image, options, observer))
+}
+
+/// The matches of each pair.
+fn matched(
+    features: &[Features],
+    pairs: &[(usize, usize)],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Vec<ImagePair>, Error> {
+    observer.map(Stage::Matching, pairs, |&(from, to)| {
+        let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
+        Ok(ImagePair { from, to, matches })
+    })
+}
+
+/// Matches of the features of pairs of images, of which what stands still in all of them is set aside.
+///
+/// # Errors
+/// See [`Error`].
+pub(super) fn matches_of_images(
+    images: &[GrayImage],
+    pairs: &[(usize, usize)],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Vec<ImagePair>, Error> {
+    let pairs = checked_names(pairs, images.len())?;
+    let (images, _) = without_still_parts(images, observer)?;
+    matched(&features_of(&images, &options.features, observer)?, pairs, options, observer)
 }
 
 /// Images with matches between them. Matches of what is not used of an image are left out.

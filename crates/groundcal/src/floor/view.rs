@@ -121,7 +121,7 @@ impl FloorView {
     }
 
     /// The point of the floor below the optical centre.
-    pub fn foot(&self) -> Vector2<f64> {
+    pub(crate) fn foot(&self) -> Vector2<f64> {
         self.centre.xy()
     }
 
@@ -343,7 +343,7 @@ impl FloorGrid {
     }
 
     /// Direction of the rows on the floor.
-    pub fn down(&self) -> Vector2<f64> {
+    pub(crate) fn down(&self) -> Vector2<f64> {
         Vector2::new(self.right.y, -self.right.x)
     }
 

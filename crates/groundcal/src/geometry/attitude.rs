@@ -28,7 +28,7 @@ pub(crate) const PARALLEL_HORIZONS_DEG: f64 = 5.0;
 
 /// The rotation of camera coordinates from a level world frame whose heading is the camera's own (yaw 0): the `A_g` of
 /// an attitude group. Angles in radians; signs as the module says.
-pub fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {
+pub(crate) fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {
     let (sp, cp) = pitch_down_rad.sin_cos();
     let (sr, cr) = roll_rad.sin_cos();
     // Rx(pitch) R0, written out.
@@ -48,7 +48,7 @@ pub fn rotation_cam_from_world(pitch_down_rad: f64, roll_rad: f64, yaw_rad: f64)
 }
 
 /// The plane's upward normal in camera coordinates (unit length), of an attitude in radians.
-pub fn up_in_camera(pitch_down_rad: f64, roll_rad: f64) -> Vector3<f64> {
+pub(crate) fn up_in_camera(pitch_down_rad: f64, roll_rad: f64) -> Vector3<f64> {
     let (sp, cp) = pitch_down_rad.sin_cos();
     let (sr, cr) = roll_rad.sin_cos();
     Vector3::new(-sr * cp, -cr * cp, -sp)

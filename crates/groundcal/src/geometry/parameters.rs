@@ -160,7 +160,7 @@ impl PriorParameter {
     }
 
     /// Whether it is in pixels; the others have no unit.
-    pub fn is_in_pixels(self) -> bool {
+    pub(crate) fn is_in_pixels(self) -> bool {
         !(self == PriorParameter::Aspect || self.is_of_lens())
     }
 

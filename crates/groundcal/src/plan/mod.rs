@@ -11,7 +11,6 @@ pub(crate) mod report;
 pub(crate) mod request;
 mod search;
 
-pub use after::start_after;
 pub use carriers::{Carrier, CarrierMotion};
 pub use planner::{Plan, PlannedMotion, Prediction, VarianceShares};
 pub use report::{Assumptions, PlanReport};

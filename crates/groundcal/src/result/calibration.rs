@@ -8,6 +8,7 @@ use crate::{
         constraint::Constraint,
         parameters::{Parameter, PriorParameter},
     },
+    numerics::statistics::NORMAL_95,
     result::{
         camera::{Camera, Method, MotionKind, Prior, Scene},
         covariance::{Covariance, StandardDeviation},
@@ -163,9 +164,9 @@ impl Calibration {
         self.standard_deviation.get(p)
     }
 
-    /// The covariance of two parameters; zero where one was held.
-    pub fn covariance(&self, a: Parameter, b: Parameter) -> f64 {
-        self.covariance.get(a, b)
+    /// The 95 % interval of a parameter; `None`: held fixed or given.
+    pub fn interval_95(&self, p: Parameter) -> Option<[f64; 2]> {
+        self.standard_deviation(p).map(|s| [-NORMAL_95, NORMAL_95].map(|t| self.value(p) + t * s))
     }
 
     /// The prior of a parameter, if there was one.

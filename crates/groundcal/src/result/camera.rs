@@ -158,7 +158,7 @@ impl Camera {
     }
 
     /// A number of it, in pixels (those of the lens: no unit).
-    pub fn value(&self, p: Parameter) -> f64 {
+    pub(crate) fn value(&self, p: Parameter) -> f64 {
         match p {
             Parameter::Fx => self.fx,
             Parameter::Fy => self.fy,

@@ -15,5 +15,5 @@ pub use absolute_conic::{Constraint, residual_by_camera};
 pub use closed_forms::{
     LinearCamera, rotating_camera, unweighted_camera, unweighted_camera_with_covariance, weighted_camera,
 };
-pub use linear_camera::{CameraSolution, GivenPrior, PriorParameter, PriorUse};
+pub use linear_camera::{CameraSolution, GivenPrior, PriorParameter};
 pub use transferred::calibrate_transferred;

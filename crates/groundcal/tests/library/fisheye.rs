@@ -1,8 +1,7 @@
 //! A lens of a model that sees to both sides and behind: given, its pixels pass through rays; not given, it is found.
 
 use groundcal::{
-    Error, Silent,
-    calibrate::{LensModel, Method, MotionModel, Options, calibrate_matches},
+    Error, LensModel, Method, MotionModel, Options, Silent, calibrate_matches,
     geometry::{Camera, Constraint, Fisheye, ImageSize, Intrinsics, Lens},
     pairs::ImagePair,
     result::{Calibration, LensSource, Parameter, Warning},

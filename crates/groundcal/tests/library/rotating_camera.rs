@@ -1,8 +1,7 @@
 //! The rotating-camera method from matches: exact data, lenses, degenerate turns, cameras that move.
 
 use groundcal::{
-    Error,
-    calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
+    Error, LensModel, Method, Options, Silent, calibrate_matches,
     geometry::{ImageSize, Intrinsics, Lens},
     pairs::ImagePair,
     result::{Calibration, LensSource, Scene},

@@ -6,7 +6,7 @@
 //! well the attitudes together determine each combination of them, whatever the noise.
 
 use groundcal::{
-    geometry::{Frame, attitude_rotation, up_in_camera},
+    geometry::{Frame, rotation_cam_from_world},
     result::{AttitudeReport, Calibration, Parameter},
     start::residual_by_camera,
 };
@@ -58,7 +58,7 @@ fn real_and_imaginary(e: &ComplexPoint) -> Option<[[f64; 2]; 2]> {
 }
 
 fn circular_point(c: &Calibration, a: &AttitudeReport) -> ComplexPoint {
-    let rotation = attitude_rotation(a.pitch_down_deg.to_radians(), a.roll_deg.to_radians());
+    let rotation = rotation_cam_from_world(a.pitch_down_deg.to_radians(), a.roll_deg.to_radians(), 0.0);
     let k = c.camera.intrinsics().matrix();
     let [re, im] = [0, 1].map(|i| k * rotation.column(i));
     Vector3::new(Complex::new(re.x, im.x), Complex::new(re.y, im.y), Complex::new(re.z, im.z))
@@ -165,7 +165,8 @@ fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
 pub(crate) fn horizon(c: &Calibration, pitch_down_deg: f64, roll_deg: f64, window: [f64; 4]) -> Vec<Vec<[f64; 2]>> {
     const STEPS: i32 = 160;
     let camera = c.camera.model();
-    let up = up_in_camera(pitch_down_deg.to_radians(), roll_deg.to_radians());
+    let world = rotation_cam_from_world(pitch_down_deg.to_radians(), roll_deg.to_radians(), 0.0);
+    let up = world.column(2);
     let level = up.xy().norm();
     if level < 1e-6 {
         return Vec::new();
