@@ -129,7 +129,7 @@ fn calibrations(path: &Path) -> Result<String, String> {
     match placed(&c, 1.0) {
         Err(e) => text += &format!(" {e}"),
         Ok(placed) => {
-            let layout = FloorLayout { size: c.camera.size(), max_distance: 5.0, up: Up::Heading };
+            let layout = FloorLayout { size: c.camera.model().size, max_distance: 5.0, up: Up::Heading };
             let worlds: Vec<Option<&str>> = placed.iter().map(|p| p.origin.as_deref()).collect();
             let sets: Vec<Vec<&FloorView>> = sets_of_one_world(&worlds)
                 .into_iter()

@@ -513,7 +513,7 @@ fn main() -> ExitCode {
             let options = Options { constraint, ..Options::default() };
             let result = calibrate_images(&names, &images, &options, &Silent);
             let seconds = begin.elapsed().as_secs_f64();
-            let label = format!("{heading} {:<9}", constraint.name());
+            let label = format!("{heading} {constraint:<9}");
             match result {
                 Ok(result) => tally.add(judge(&scene, &result, &label, seconds, in_detail)),
                 Err(error) => {

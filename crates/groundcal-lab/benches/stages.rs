@@ -111,7 +111,7 @@ fn run() {
     // `auto` is for the whole way.
     for constraint in Constraint::ALL.into_iter().filter(|c| *c != Constraint::Auto) {
         let to_camera = || weighted_camera(&estimates, constraint, 1.0);
-        time(&format!("six homographies to K, {}", constraint.name()), 501, to_camera);
+        time(&format!("six homographies to K, {constraint}"), 501, to_camera);
     }
 }
 

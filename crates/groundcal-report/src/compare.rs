@@ -96,12 +96,12 @@ fn scaled(camera: OfSize, size: ImageSize) -> Result<(OfSize, Option<[usize; 2]>
         return Ok((camera, None));
     }
     let (sx, sy) = (size.width as f64 / own.width as f64, size.height as f64 / own.height as f64);
-    if !size.has_shape_of(own) {
+    let Some(model) = camera.model.scaled_to(size) else {
         return Err(format!(
             "images of {size} and {own} pixels. Cameras can be compared at one size, or where one image is the other scaled as a \
              whole (not cropped)"
         ));
-    }
+    };
     let factor = |p: Parameter| match p {
         Parameter::Fx | Parameter::Cx | Parameter::Skew => sx,
         Parameter::Fy | Parameter::Cy => sy,
@@ -111,7 +111,7 @@ fn scaled(camera: OfSize, size: ImageSize) -> Result<(OfSize, Option<[usize; 2]>
         let entry = |i: usize, j: usize| c.matrix[i][j] * factor(c.parameters[i]) * factor(c.parameters[j]);
         Covariance::from_fn(&c.parameters, entry)
     });
-    Ok((OfSize { model: camera.model.scaled_to(size), covariance }, Some([own.width, own.height])))
+    Ok((OfSize { model, covariance }, Some([own.width, own.height])))
 }
 
 /// Numbers of the camera matrix, which every lens model has.

@@ -11,7 +11,7 @@ use groundcal::{
 };
 
 use crate::{
-    number::{decimals_of_sigma, fixed, or_dash, with_sigma},
+    number::{decimals_of_sigma, fixed, interval_95, or_dash, with_sigma},
     terminal::{self, Line, Look, Table, centred, facts, rule, wrapped},
     uncertainty::in_short,
 };
@@ -178,7 +178,7 @@ pub(crate) fn verdict_line(v: &Verdict) -> String {
         VerdictLevel::Unchecked => "the error bars may not hold",
         VerdictLevel::Contradicted => "the images contradict it",
     };
-    format!("Verdict: {} ({means}){because}", v.level.name())
+    format!("Verdict: {} ({means}){because}", v.level)
 }
 
 /// Reasons of the verdict that are no warnings.
@@ -288,7 +288,7 @@ fn distortion(c: &Calibration) -> String {
     match (d.source, d.lens.is_none()) {
         (LensSource::Given, _) => format!("given: {}", given(&d.lens)),
         (LensSource::Estimated, true) => "estimated: none found".into(),
-        (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.name().into(),
+        (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.to_string(),
     }
 }
 
@@ -312,9 +312,9 @@ fn camera(c: &Calibration) -> Table {
     for p in Parameter::ALL {
         let value = c.value(p);
         let decimals = if p.is_of_lens() { 5 } else { 3 };
-        match c.standard_deviation(p).zip(c.interval_95(p)) {
-            Some((sigma, interval)) => {
-                let [low, high] = interval.map(|v| fixed(v, decimals));
+        match c.standard_deviation(p) {
+            Some(sigma) => {
+                let [low, high] = interval_95(value, sigma).map(|v| fixed(v, decimals));
                 let of_fx = if p.is_of_lens() { String::new() } else { fixed(100.0 * sigma / c.camera.fx, 3) };
                 let [estimate, error] = [value, sigma].map(|v| fixed(v, decimals));
                 table.row([p.to_string(), estimate, error, format!("{low} to {high}"), of_fx]);
@@ -386,7 +386,7 @@ fn attitudes(c: &Calibration) -> Table {
         .number(if c.camera_height_m.is_some() { "height (m)" } else { "height" })
         .number("horizon\n(deg)")
         .number("above centre\n(px)");
-    let [x, y] = c.camera.size().centre_px();
+    let [x, y] = c.camera.model().size.centre_px();
     for (i, a) in c.attitudes.iter().enumerate() {
         // Clockwise as the image is shown; the line's (a, b) points up, away from the floor.
         let turned = a.horizon_px.map(|[p, q, _]| (-p / q).atan().to_degrees());

@@ -197,8 +197,9 @@ fn covariance<P: Copy + PartialEq>(c: &Covariance<P>) -> Result<(), String> {
 pub(crate) fn camera(value: serde_json::Value) -> Result<ImportedCamera, String> {
     let calibration = from_value(value)?;
     let c = &calibration.camera;
-    let size = [c.size().width as f64, c.size().height as f64];
-    let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), c.lens())?;
+    let model = c.model();
+    let size = [model.size.width as f64, model.size.height as f64];
+    let camera = ImportedCamera::new("groundcal", Some(size), model.intrinsics, model.lens)?;
     Ok(ImportedCamera {
         covariance: covariance_of_parameters(&calibration),
         lens_source: c.distortion.source,
@@ -239,7 +240,7 @@ mod tests {
     #[test]
     fn what_is_there_is_read_and_the_rest_is_what_is_usual() {
         let c = parse(SMALL).unwrap();
-        assert_eq!((c.camera.size(), c.value(Parameter::K1)), (ImageSize::new(800, 600), -0.1));
+        assert_eq!((c.camera.model().size, c.value(Parameter::K1)), (ImageSize::new(800, 600), -0.1));
         assert_eq!((c.schema_version, c.method, c.scene), (1, Method::Joint, Some(Scene::Floor)));
         assert_eq!(
             (c.covariance.get(Parameter::Cx, Parameter::Fx), c.covariance.get(Parameter::Cy, Parameter::Cy)),

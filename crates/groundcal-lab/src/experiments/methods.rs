@@ -42,7 +42,10 @@ impl Scores {
         constraint: Constraint,
         covariance: impl Fn(usize, usize) -> f64,
     ) -> Self {
-        let free = constraint.free();
+        // What the constraint leaves free besides the focal length.
+        use Constraint::{FixedPrincipalPoint, Focal, Square};
+        let [aspect_free, centre_free] =
+            [!matches!(constraint, Square | Focal), !matches!(constraint, FixedPrincipalPoint | Focal)];
         // Not a number: an error without bound times zero.
         let root = |v: f64| if v.is_nan() { f64::INFINITY } else { 100.0 * v.max(0.0).sqrt() };
         let aspect_variance =
@@ -51,11 +54,11 @@ impl Scores {
             focal: Score { error: 100.0 * (k.fx / truth.fx - 1.0), sd: Some(root(covariance(0, 0)) / k.fx) },
             aspect: Score {
                 error: 100.0 * ((k.fy / k.fx) / (truth.fy / truth.fx) - 1.0),
-                sd: free[1].then(|| root(aspect_variance)),
+                sd: aspect_free.then(|| root(aspect_variance)),
             },
             principal_point: Score {
                 error: 100.0 * (k.cx - truth.cx).hypot(k.cy - truth.cy) / truth.fx,
-                sd: free[2].then(|| root(covariance(2, 2) + covariance(3, 3)) / k.fx),
+                sd: centre_free.then(|| root(covariance(2, 2) + covariance(3, 3)) / k.fx),
             },
         }
     }

@@ -13,11 +13,12 @@ use rand_pcg::Pcg64Mcg;
 use crate::studies::setting::{Asked, Attitudes, FOCAL_OVER_WIDTH, Setting};
 use groundcal::{
     Error, LensModel, Options, Silent, calibrate_matches,
-    geometry::{Frame, Intrinsics, Lens, View, angles_from_rotation, rotation_cam_from_world},
+    geometry::{Frame, Intrinsics, Lens, View, rotation_cam_from_world},
     pairs::{ImagePair, PointMatch, direct_linear_transformation, gold_standard_homography},
     start::{Constraint, rotating_camera, unweighted_camera},
     synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound},
 };
+use groundcal_report::number::NORMAL_95;
 
 /// One of the five studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -198,6 +199,14 @@ pub struct Trial {
     pub fewest_matches: usize,
 }
 
+/// Pitch, roll and yaw of which a rotation is [`rotation_cam_from_world`].
+fn angles(r: &Matrix3<f64>) -> (f64, f64, f64) {
+    let up = r.column(2);
+    let (pitch, roll) = ((-up.z).atan2(up.x.hypot(up.y)), (-up.x).atan2(-up.y));
+    let yaw = rotation_cam_from_world(pitch, roll, 0.0).transpose() * r;
+    (pitch, roll, yaw[(0, 1)].atan2(yaw[(0, 0)]))
+}
+
 /// The motion of a rig that turns by `turn_rad` about an axis `offset_m` straight behind the optical centre, `tilt_rad` off
 /// the vertical, which leans to the side `azimuth_rad`.
 fn about_tilted_axis(
@@ -218,8 +227,7 @@ fn about_tilted_axis(
     // Yaw 0 looks along +X.
     let arm = Vector3::new(offset_m, 0.0, 0.0);
     let shift = turn * arm - arm;
-    let (pitch_b, roll_b, yaw_b) =
-        angles_from_rotation(&(rotation_cam_from_world(pitch, roll, 0.0) * turn.transpose()));
+    let (pitch_b, roll_b, yaw_b) = angles(&(rotation_cam_from_world(pitch, roll, 0.0) * turn.transpose()));
     MotionSpec {
         turn_rad: yaw_b,
         shift: [shift.x, shift.y],
@@ -236,9 +244,6 @@ const ATTITUDE_SPREAD_DEG: f64 = 5.0;
 const FOCAL_SPREAD: f64 = 0.05;
 const ASPECT_SPREAD: f64 = 0.02;
 const PRINCIPAL_POINT_SPREAD: f64 = 0.03;
-
-/// Standard deviations to either side of a two-sided 95 % interval.
-const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// The largest noise that the robust estimator is told of, over the true one, where that exceeds its default.
 const NOISE_MARGIN: f64 = 1.5;

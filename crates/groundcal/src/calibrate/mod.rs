@@ -110,15 +110,15 @@ pub fn calibrate_images(
     let with =
         |features: &FeatureOptions| driver::run(prepared.matched(features, options, observer)?, options, observer);
     if options.feature_density == FeatureDensity::Dense || !options.has_patches() {
-        return with(&options.features);
+        return with(&options.features());
     }
-    let first = with(&options.features.coarse());
+    let first = with(&options.features().coarse());
     let suffices =
         |answer: &Calibration| is_carried_by_patches(answer) && answer.views.len() >= prepared.images_expected();
     if matches!(first, Err(Error::Stopped)) || first.as_ref().is_ok_and(suffices) {
         return first;
     }
-    match (with(&options.features), first) {
+    match (with(&options.features()), first) {
         (Err(error), Ok(_)) if error == Error::Stopped => Err(error),
         (Err(_), Ok(first)) => Ok(first),
         (dense, _) => dense,

@@ -31,7 +31,7 @@ use crate::{
     },
     result::Warning,
     vision::{
-        features::{FeatureOptions, Features, detect_until, match_features_until},
+        features::{FeatureOptions, Features, MatchOptions, detect_until, match_features_until},
         image::GrayImage,
         still::still_parts,
     },
@@ -144,9 +144,9 @@ impl<'a> PreparedImages<'a> {
         let features = features_of(&self.images, features, observer)?;
         let mut pairs = self.pairs.clone();
         if self.many {
-            pairs.extend(likely_pairs(&features, &pairs, options, observer)?);
+            pairs.extend(likely_pairs(&features, &pairs, observer)?);
         }
-        let matched = matched(&features, &pairs, options, observer)?;
+        let matched = matched(&features, &pairs, observer)?;
         of_images(self.names, self.images.clone(), (matched, self.named), options, self.warnings.clone())
     }
 }
@@ -161,14 +161,9 @@ fn features_of(
 }
 
 /// The matches of each pair.
-fn matched(
-    features: &[Features],
-    pairs: &[(usize, usize)],
-    options: &Options,
-    observer: &dyn Observer,
-) -> Result<Vec<ImagePair>, Error> {
+fn matched(features: &[Features], pairs: &[(usize, usize)], observer: &dyn Observer) -> Result<Vec<ImagePair>, Error> {
     observer.map(Stage::Matching, pairs, |&(from, to)| {
-        let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
+        let matches = match_features_until(&features[from], &features[to], &MatchOptions::default(), observer)?;
         Ok(ImagePair { from, to, matches })
     })
 }
@@ -185,7 +180,7 @@ pub(super) fn matches_of_images(
 ) -> Result<Vec<ImagePair>, Error> {
     let pairs = checked_names(pairs, images.len())?;
     let (images, _) = without_still_parts(images, observer)?;
-    matched(&features_of(&images, &options.features, observer)?, pairs, options, observer)
+    matched(&features_of(&images, &options.features(), observer)?, pairs, observer)
 }
 
 /// Images with matches between them. Matches of what is not used of an image are left out.
@@ -409,7 +404,6 @@ fn candidate_pairs(images: usize, options: &Options) -> Vec<(usize, usize)> {
 fn likely_pairs(
     features: &[Features],
     known: &[(usize, usize)],
-    options: &Options,
     observer: &dyn Observer,
 ) -> Result<Vec<(usize, usize)>, Error> {
     let few: Vec<Features> = features.iter().map(|features| features.strongest(FEW_FEATURES)).collect();
@@ -417,7 +411,7 @@ fn likely_pairs(
     let all: Vec<(usize, usize)> =
         compared.iter().flat_map(|&a| compared.range(a + 1..).map(move |&b| (a, b))).collect();
     let counts = observer.map(Stage::Candidates, &all, |&(a, b)| {
-        match_features_until(&few[a], &few[b], &options.matching, observer).map(|matches| matches.len())
+        match_features_until(&few[a], &few[b], &MatchOptions::default(), observer).map(|matches| matches.len())
     })?;
     let mut partners: Vec<Vec<(usize, usize)>> = vec![Vec::new(); features.len()];
     for (&(a, b), &count) in all.iter().zip(&counts) {

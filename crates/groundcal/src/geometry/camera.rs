@@ -123,9 +123,12 @@ impl Camera {
         Some(Self { intrinsics, lens: self.lens.with_parameters(lens)?, ..*self })
     }
 
-    /// The same camera with its images scaled to another size. Pixel centres are at whole numbers, so a coordinate u becomes
+    /// The same camera with its images scaled to another size; `None` where that has another shape, so that it is not the same picture. Pixel centres are at whole numbers, so a coordinate u becomes
     /// (u + ½) s - ½.
-    pub fn scaled_to(&self, size: ImageSize) -> Self {
+    pub fn scaled_to(&self, size: ImageSize) -> Option<Self> {
+        if !size.has_shape_of(self.size) {
+            return None;
+        }
         let sx = size.width as f64 / self.size.width as f64;
         let sy = size.height as f64 / self.size.height as f64;
         let k = &self.intrinsics;
@@ -136,7 +139,7 @@ impl Camera {
             cy: (k.cy + 0.5) * sy - 0.5,
             skew: k.skew * sx,
         };
-        Self { size, intrinsics, ..*self }
+        Some(Self { size, intrinsics, ..*self })
     }
 }
 
@@ -223,7 +226,7 @@ mod tests {
     #[test]
     fn scaling_keeps_the_image_borders() {
         for lens in lenses() {
-            let (whole, half) = (camera(lens), camera(lens).scaled_to(ImageSize::new(400, 300)));
+            let (whole, half) = (camera(lens), camera(lens).scaled_to(ImageSize::new(400, 300)).expect("one shape"));
             // The corner of the image, half a pixel outside the centre of its first pixel.
             let corner = Vector2::new(-0.5, -0.5);
             let (a, b) = (whole.unproject(&corner).expect("inside"), half.unproject(&corner).expect("inside"));

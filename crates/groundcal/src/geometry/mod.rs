@@ -12,7 +12,7 @@ pub(crate) mod parameters;
 pub(crate) mod plane_view;
 pub(crate) mod size;
 
-pub use attitude::{angles_from_rotation, rotation_cam_from_world};
+pub use attitude::rotation_cam_from_world;
 pub use camera::Camera;
 pub use camera_difference::{CameraDifference, PixelDifference, Significance, camera_difference, significance};
 pub use constraint::Constraint;

@@ -144,7 +144,7 @@ impl PriorParameter {
     ];
 
     /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             PriorParameter::Fx => "fx",
             PriorParameter::Aspect => "aspect",

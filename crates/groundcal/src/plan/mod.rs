@@ -12,7 +12,7 @@ pub(crate) mod request;
 mod search;
 
 pub use carriers::{Carrier, CarrierMotion};
-pub use planner::{Plan, PlannedMotion, Prediction, VarianceShares};
+pub use planner::{PlannedMotion, Prediction, VarianceShares};
 pub use report::{Assumptions, PlanReport};
 pub use request::{MAX_MOTIONS, PlanRequest, RequestError};
 

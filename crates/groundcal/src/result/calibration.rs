@@ -8,7 +8,6 @@ use crate::{
         constraint::Constraint,
         parameters::{Parameter, PriorParameter},
     },
-    numerics::statistics::NORMAL_95,
     result::{
         camera::{Camera, Method, MotionKind, Prior, Scene},
         covariance::{Covariance, StandardDeviation},
@@ -162,11 +161,6 @@ impl Calibration {
     /// One standard deviation of a parameter; `None`: held fixed or given.
     pub fn standard_deviation(&self, p: Parameter) -> Option<f64> {
         self.standard_deviation.get(p)
-    }
-
-    /// The 95 % interval of a parameter; `None`: held fixed or given.
-    pub fn interval_95(&self, p: Parameter) -> Option<[f64; 2]> {
-        self.standard_deviation(p).map(|s| [-NORMAL_95, NORMAL_95].map(|t| self.value(p) + t * s))
     }
 
     /// The prior of a parameter, if there was one.

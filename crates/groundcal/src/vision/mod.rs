@@ -7,7 +7,6 @@ pub(crate) mod patches;
 pub(crate) mod resample;
 pub(crate) mod still;
 
-pub use features::{FeatureOptions, MatchOptions};
 pub use image::GrayImage;
 pub use mask::Mask;
 pub use patches::PatchOptions;

@@ -6,6 +6,8 @@ use groundcal::{
 };
 use serde::Serialize;
 
+use crate::number::interval_95;
+
 /// The camera.
 #[derive(Debug, Serialize)]
 pub(crate) struct CameraNumbers {
@@ -64,7 +66,7 @@ pub(crate) fn camera(c: &Calibration) -> CameraNumbers {
                 // Adding zero turns -0 into 0.
                 value: value + 0.0,
                 sigma,
-                interval: c.interval_95(p),
+                interval: sigma.map(|s| interval_95(value, s)),
                 prior: prior_of(c, p),
                 from_images: sigma.map(|_| narrowed.map_or(1.0, told)),
                 correlation_with_fx: sigma.and(Some(correlation)).filter(|r| p != fx && r.is_finite()),
@@ -91,7 +93,7 @@ fn lens(c: &Calibration) -> Vec<LensPoint> {
     const RADIAL: [(Parameter, i32); 3] = [(Parameter::K1, 3), (Parameter::K2, 5), (Parameter::K3, 7)];
     let camera = &c.camera;
     let none = RADIAL.iter().all(|(k, _)| c.value(*k) == 0.0) && c.standard_deviation.k1.is_none();
-    if none || !matches!(camera.lens(), Lens::None | Lens::Radtan(_)) {
+    if none || !matches!(camera.model().lens, Lens::None | Lens::Radtan(_)) {
         return Vec::new();
     }
     let [w, h] = camera.image_size.map(|s| s as f64 - 1.0);

@@ -272,7 +272,7 @@ fn inside(p: Vector2<f64>, [width, height]: [usize; 2]) -> bool {
 }
 
 fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<Overlay> {
-    let (camera, size) = (&c.camera, c.camera.size());
+    let (camera, size) = (&c.camera, c.camera.model().size);
     let view = |name: &str| c.views.iter().find(|v| v.image == name);
     let (first, second) = match (view(&report.from), view(&report.to)) {
         (Some(a), Some(b)) if a.origin == b.origin => {
@@ -289,7 +289,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
             };
             let h = p.h_b_from_a?;
             (
-                FloorView::new(&camera.intrinsics(), camera.lens(), &pose).ok()?,
+                FloorView::new(&camera.intrinsics(), camera.model().lens, &pose).ok()?,
                 Second::Homography(Matrix3::from_fn(|r, k| h[r][k])),
             )
         }

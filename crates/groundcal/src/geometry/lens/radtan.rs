@@ -62,7 +62,7 @@ impl Radtan {
     }
 
     /// k1, k2, p1, p2, k3.
-    pub fn parameters(&self) -> [f64; 5] {
+    pub(crate) fn parameters(&self) -> [f64; 5] {
         let [k1, k2, k3] = self.radial.0;
         [k1, k2, self.p1, self.p2, k3]
     }

@@ -2,7 +2,7 @@
 
 /// How features are looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FeatureOptions {
+pub(crate) struct FeatureOptions {
     /// Most features kept of an image, spread over it.
     pub max_features: usize,
     /// Least response |D| times the number of scales in an octave, for values in 0..1 (Lowe: 0.03, OpenCV: 0.04).

@@ -14,7 +14,7 @@ use crate::{
 
 /// Which features match.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MatchOptions {
+pub(crate) struct MatchOptions {
     /// Largest ratio of the distance to the nearest and to the second nearest descriptor of another place.
     pub max_ratio: f32,
     /// A rival within this many scales of the nearest is the same place seen twice, not a rival.

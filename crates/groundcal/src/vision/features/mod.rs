@@ -16,9 +16,8 @@ mod matching;
 mod scale_space;
 
 pub(crate) use feature::DESCRIPTOR_LENGTH;
-pub use feature::FeatureOptions;
-pub(crate) use feature::Features;
-pub use matching::MatchOptions;
+pub(crate) use feature::{FeatureOptions, Features};
+pub(crate) use matching::MatchOptions;
 #[cfg(test)]
 pub(crate) use matching::match_features;
 pub(crate) use matching::match_features_until;
