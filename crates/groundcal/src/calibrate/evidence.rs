@@ -86,7 +86,7 @@ fn observations(joint: &JointSolution, frame: &Frame) -> Vec<ObservationEvidence
                 track: t,
                 patch: track.kind == Kind::Patch,
                 pixel: o.pixel.into(),
-                residual_px: (o.pixel - frame.to_pixel(&predicted)).into(),
+                residual_px: (o.pixel - frame.pixel(&predicted)).into(),
                 standardised_residual,
                 weight: if standardised_residual > HUBER_SIGMAS { HUBER_SIGMAS / standardised_residual } else { 1.0 },
             });

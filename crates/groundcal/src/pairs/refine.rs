@@ -203,7 +203,7 @@ impl Default for RefineOptions {
 
 /// The matches in frame coordinates.
 pub(crate) fn to_frame(matches: &[PointMatch], frame: &Frame) -> Vec<PointMatch> {
-    matches.iter().map(|m| PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m }).collect()
+    matches.iter().map(|m| PointMatch { a: frame.local(&m.a), b: frame.local(&m.b), ..*m }).collect()
 }
 
 /// Maximum likelihood homography of four or more matches (pixels), all of them inliers, from a start in frame coordinates
