@@ -253,7 +253,7 @@ fn result(
 /// with it ([`Calibration::on_base`]).
 ///
 /// # Errors
-/// As [`camera_on_base`].
+/// [`Error::InvalidInput`] where a name is none of the views', or no attitude has two motions.
 pub fn with_odometry(c: Calibration, poses: &[BasePose]) -> Result<Calibration, Error> {
     let found = camera_on_base(&c, poses)?;
     let mut c = match scale_of_all(&found).filter(|_| c.camera_height_m.is_none()) {

@@ -188,7 +188,7 @@ impl FloorView {
         self.lens.unproject(&self.intrinsics.normalised_from_pixel(pixel))
     }
 
-    /// Outline of the floor within `max_distance` of [`Self::foot`] (floor units) that an image of a size sees: corners in order
+    /// Outline of the floor within `max_distance` of the foot (floor units) that an image of a size sees: corners in order
     /// round it, not closed; empty when it sees none. With a lens that sees behind the camera, the convex hull of that.
     pub fn seen_floor(&self, size: ImageSize, max_distance: f64) -> Vec<Vector2<f64>> {
         match self.lens {

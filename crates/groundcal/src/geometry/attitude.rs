@@ -42,7 +42,7 @@ pub(crate) fn yaw_rotation(yaw_rad: f64) -> Matrix3<f64> {
     Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
-/// Camera coordinates from world coordinates (rotation only): [`attitude_rotation`] times the rotation by the yaw, in radians.
+/// Camera coordinates from world coordinates (rotation only), of angles in radians; signs as the module says.
 pub fn rotation_cam_from_world(pitch_down_rad: f64, roll_rad: f64, yaw_rad: f64) -> Matrix3<f64> {
     attitude_rotation(pitch_down_rad, roll_rad) * yaw_rotation(yaw_rad)
 }
