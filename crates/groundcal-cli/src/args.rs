@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{FeatureDensity, LensModel, MotionModel},
+    FeatureDensity, LensModel, MotionModel,
     geometry::{Camera, ImageSize},
     start::{Constraint, GivenPrior, PriorParameter},
 };
@@ -167,9 +167,9 @@ pub(crate) fn parse_prior(text: &str) -> Result<GivenPrior, String> {
     let wrong = || format!("expected NAME=VALUE+-SIGMA, for example cx=320+-5, found {text}");
     let (name, value) = text.split_once('=').ok_or_else(wrong)?;
     let (mean, sigma) = value.split_once("+-").or_else(|| value.split_once('±')).ok_or_else(wrong)?;
-    let known = PriorParameter::ALL.into_iter().find(|p| p.name() == name.trim());
+    let known = PriorParameter::ALL.into_iter().find(|p| p.to_string() == name.trim());
     let parameter = known.ok_or_else(|| {
-        let names: Vec<&str> = PriorParameter::ALL.iter().map(|p| p.name()).collect();
+        let names = PriorParameter::ALL.map(|p| p.to_string());
         format!("{name} is none of {}", names.join(", "))
     })?;
     let number = |s: &str| s.trim().parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(wrong);

@@ -5,10 +5,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use groundcal::{
-    calibrate::{Observer, Stage},
-    result::Warning,
-};
+use groundcal::{Observer, Stage, result::Warning};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::{

@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, path::Path};
 
 use groundcal::{
-    floor::{KnownDistance, camera_on_base, scale_of_all, with_floor_distance, with_uncertain_height},
+    floor::{KnownDistance, with_floor_distance, with_odometry},
     result::{Calibration, CameraOnBase},
 };
 use groundcal_io::matches::read_odometry;
@@ -43,15 +43,12 @@ pub(crate) fn scaled(lengths: &Lengths<'_>, c: Calibration) -> Result<(Calibrati
     }
     let Some(file) = lengths.odometry else { return Ok((c, notes)) };
     let poses = read_odometry(file, &c.views.iter().map(|v| v.image.clone()).collect::<Vec<_>>())?;
-    let found = camera_on_base(&c, &poses).map_err(|e| CliError::of_file(file, e))?;
-    notes.extend(found.iter().filter(|f| f.relative_noise > MAX_ODOMETRY_NOISE).map(odometry_note));
-    if c.camera_height_m.is_none() {
-        if let Some([height_m, sigma]) = scale_of_all(&found) {
-            c = with_uncertain_height(c, height_m, sigma / height_m)?;
-        }
-        notes.extend(other_worlds(&c, found.first().map(|f| f.origin.as_str())));
+    let scaled_before = c.camera_height_m.is_some();
+    c = with_odometry(c, &poses).map_err(|e| CliError::of_file(file, e))?;
+    notes.extend(c.on_base.iter().filter(|f| f.relative_noise > MAX_ODOMETRY_NOISE).map(odometry_note));
+    if !scaled_before {
+        notes.extend(other_worlds(&c, c.on_base.first().map(|f| f.origin.as_str())));
     }
-    c.on_base = found;
     Ok((c, notes))
 }
 

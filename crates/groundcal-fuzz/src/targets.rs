@@ -8,11 +8,10 @@
 use std::path::Path;
 
 use groundcal::{
-    Plain, Silent,
-    calibrate::{LensModel, Method, Options, calibrate_matches},
+    LensModel, Method, Options, Plain, Silent, calibrate_matches,
     floor::{Fit, FloorLayout, FloorView, Undistortion, Up, placed, sets_of_one_world},
     geometry::{Camera, ImageSize, camera_difference},
-    plan::start_after,
+    plan::PlanRequest,
     result::Calibration,
     start::Constraint,
 };
@@ -61,7 +60,7 @@ fn bytes(path: &Path) -> Result<Vec<u8>, String> {
 fn images(path: &Path) -> Result<String, String> {
     let image = read_image_bytes(path, &bytes(path)?).map_err(|e| e.to_string())?;
     assert!(image.data().iter().all(|v| v.is_finite()), "a value that is not finite");
-    Ok(format!("{} x {}", image.width() > image.height(), image.data().len() > 1000))
+    Ok(format!("{} x {}", image.size().width > image.size().height, image.data().len() > 1000))
 }
 
 /// The focal length that JPEG, PNG, TIFF, WebP and HEIC state.
@@ -123,11 +122,14 @@ fn calibrations(path: &Path) -> Result<String, String> {
     written_is_read(&c);
     let mut text = format!("{} views {} motions", c.views.len().min(3), c.motions.len().min(3));
     let _ = export::render(&c, &[]).map_err(|e| text += &format!(" {e}"));
-    let _ = start_after(&c).map_err(|e| text += &format!(" {e}"));
+    // Of one motion: what the calibration says of its camera is checked before.
+    let _ = PlanRequest { motions: Some(1), ..PlanRequest::default() }
+        .report(Some(&c), &Plain)
+        .map_err(|e| text += &format!(" {e:?}"));
     match placed(&c, 1.0) {
         Err(e) => text += &format!(" {e}"),
         Ok(placed) => {
-            let layout = FloorLayout { size: c.camera.size(), max_distance: 5.0, up: Up::Heading };
+            let layout = FloorLayout { size: c.camera.model().size, max_distance: 5.0, up: Up::Heading };
             let worlds: Vec<Option<&str>> = placed.iter().map(|p| p.origin.as_deref()).collect();
             let sets: Vec<Vec<&FloorView>> = sets_of_one_world(&worlds)
                 .into_iter()

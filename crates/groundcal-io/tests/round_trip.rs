@@ -3,8 +3,7 @@
 #![allow(clippy::expect_used, clippy::panic)] // a test may end in a panic
 
 use groundcal::{
-    Plain, Remedy, Wording,
-    calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
+    LensModel, Method, Options, Plain, Remedy, Silent, Wording, calibrate_matches,
     floor::placed,
     geometry::{Constraint, ImageSize, Intrinsics, Lens, rotation_cam_from_world},
     pairs::ImagePair,
@@ -59,11 +58,11 @@ fn what_is_written_is_read_back() {
         // What other commands need is there.
         assert_eq!(placed(&again, 1.0).is_ok(), c.scene != Some(Scene::Directions), "{name}");
         let (fx, sigma) = (Parameter::Fx, c.standard_deviation(Parameter::Fx).expect("estimated"));
-        assert!((c.covariance(fx, fx).sqrt() / sigma - 1.0).abs() < 1e-9, "{name}");
+        assert!((c.covariance.get(fx, fx).sqrt() / sigma - 1.0).abs() < 1e-9, "{name}");
         for v in &again.views {
-            let seen = v.covariance.variance(ViewParameter::Camera(fx)).sqrt();
+            let seen = v.covariance.get(ViewParameter::Camera(fx), ViewParameter::Camera(fx)).sqrt();
             assert!((seen / sigma - 1.0).abs() < 1e-6, "{name}: {seen} {sigma}");
-            let pitch = v.covariance.variance(ViewParameter::PitchDownRad).sqrt().to_degrees();
+            let pitch = v.covariance.get(ViewParameter::PitchDownRad, ViewParameter::PitchDownRad).sqrt().to_degrees();
             assert!((pitch - v.pitch_down_sigma_deg).abs() <= 1e-9 * pitch, "{name}");
         }
         assert!(again.motions.iter().all(|m| m.diagnosis.is_some() == m.used), "{name}");

@@ -6,7 +6,7 @@
 use std::time::Instant;
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
+    Options, Silent, calibrate_matches,
     pairs::ImagePair,
     synthetic::{MotionSpec, PointScene},
 };

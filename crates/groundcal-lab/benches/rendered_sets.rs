@@ -12,13 +12,13 @@
 use std::{io::Cursor, path::PathBuf, process::ExitCode, time::Instant};
 
 use groundcal::{
-    calibrate::{MotionModel, Options, Silent, calibrate_images},
-    geometry::{ImageSize, up_in_camera},
-    numerics::median,
+    MotionModel, Options, Silent, calibrate_images,
+    geometry::{ImageSize, rotation_cam_from_world},
     result::{Calibration, Parameter},
     start::Constraint,
     vision::GrayImage,
 };
+use groundcal_lab::median::median;
 use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},
     scene::{Backdrop, Camera, Floor, Group, Light, RandomBoxes, Scene, Sensor, Sky, TextureKind, View},
@@ -120,7 +120,8 @@ fn draw_attitudes(rng: &mut Pcg64Mcg) -> Vec<[f64; 2]> {
     while attitudes.len() < count {
         let roll = if elevation_only { level_deg } else { rng.random_range(-45.0..45.0) };
         let new = [rng.random_range(25.0..65.0), roll];
-        let up = |a: &[f64; 2]| up_in_camera(a[0].to_radians(), a[1].to_radians());
+        let up =
+            |a: &[f64; 2]| rotation_cam_from_world(a[0].to_radians(), a[1].to_radians(), 0.0).column(2).into_owned();
         if attitudes.iter().all(|a| up(a).angle(&up(&new)).to_degrees() > MIN_BETWEEN_ATTITUDES_DEG) {
             attitudes.push(new);
         }
@@ -454,7 +455,7 @@ fn judge(scene: &Scene, result: &Calibration, label: &str, seconds: f64, in_deta
     let (c, sd) = (&result.camera, &result.standard_deviation);
     let truth = scene.camera.intrinsics();
     let zs = [z(c.fx, truth.fx, sd.fx), z(c.fy, truth.fy, sd.fy), z(c.cx, truth.cx, sd.cx), z(c.cy, truth.cy, sd.cy)];
-    let k1_z = z(c.value(Parameter::K1), scene.camera.k1, sd.k1);
+    let k1_z = z(result.value(Parameter::K1), scene.camera.k1, sd.k1);
     let group_of = |name: &str| scene.views().find(|(_, v)| v.file == name).map(|(g, _)| g);
     let by_hand = is_by_hand(scene);
     let is_false = |from: &str, to: &str| !by_hand && group_of(from) != group_of(to);
@@ -497,8 +498,8 @@ fn detail(scene: &Scene, result: &Calibration, group_of: &dyn Fn(&str) -> Option
         ("fy", c.fy, truth.fy, sd.fy),
         ("cx", c.cx, truth.cx, sd.cx),
         ("cy", c.cy, truth.cy, sd.cy),
-        ("k1", c.value(Parameter::K1), scene.camera.k1, sd.k1),
-        ("k2", c.value(Parameter::K2), scene.camera.k2, sd.k2),
+        ("k1", result.value(Parameter::K1), scene.camera.k1, sd.k1),
+        ("k2", result.value(Parameter::K2), scene.camera.k2, sd.k2),
     ] {
         println!("    {name} {found:.4} +- {}, truth {truth:.4}", sigma(s));
     }
@@ -572,7 +573,7 @@ fn main() -> ExitCode {
             let options = Options { constraint, motion, ..Options::default() };
             let result = calibrate_images(&names, &images, &options, &Silent);
             let seconds = begin.elapsed().as_secs_f64();
-            let label = format!("{heading} {:<9}", constraint.name());
+            let label = format!("{heading} {constraint:<9}");
             match result {
                 Ok(result) => tally.add(judge(&scene, &result, &label, seconds, in_detail)),
                 Err(error) => {

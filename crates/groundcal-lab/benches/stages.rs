@@ -2,17 +2,14 @@
 
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
-use std::{hint::black_box, time::Instant};
-
-use nalgebra::{Vector2, Vector3};
+use std::{hint::black_box, sync::Mutex, time::Instant};
 
 use groundcal::{
-    calibrate::{MotionModel, Options, Silent, calibrate_matches},
+    MotionModel, Observer, Options, Silent, Stage, calibrate_images, calibrate_matches,
     geometry::Frame,
-    pairs::{HomographyEstimate, ImagePair, RobustOptions, estimate_robust, gold_standard_homography},
+    pairs::{HomographyEstimate, ImagePair, RobustOptions, gold_standard_homography, robust_homography},
     start::{Constraint, weighted_camera},
     synthetic::{MotionSpec, PointScene},
-    vision::{FeatureOptions, MatchOptions, PatchOptions, detect, match_features, match_patches, template_grid},
 };
 use groundcal_lab::renderer::{
     render::render_view,
@@ -27,9 +24,34 @@ fn time<T>(name: &str, runs: usize, mut work: impl FnMut() -> T) -> f64 {
             start.elapsed().as_secs_f64()
         })
         .collect();
+    show(name, &mut times)
+}
+
+/// Prints a line and gives the median.
+fn show(name: &str, times: &mut [f64]) -> f64 {
     times.sort_by(f64::total_cmp);
-    println!("{name:<52} median {:>10.1} us   fastest {:>10.1} us", 1e6 * times[runs / 2], 1e6 * times[0]);
-    times[runs / 2]
+    let median = times[times.len() / 2];
+    println!("{name:<52} median {:>10.1} us   fastest {:>10.1} us", 1e6 * median, 1e6 * times[0]);
+    median
+}
+
+/// When each stage of a calibration began.
+#[derive(Default)]
+struct Watch(Mutex<Vec<(Stage, Instant)>>);
+
+impl Observer for Watch {
+    fn begin(&self, stage: Stage, _total: usize) {
+        self.0.lock().expect("no panic").push((stage, Instant::now()));
+    }
+}
+
+impl Watch {
+    /// How long each took, until the next began; the last until now.
+    fn seconds(&self) -> Vec<(Stage, f64)> {
+        let begun = self.0.lock().expect("no panic");
+        let ends = begun.iter().skip(1).map(|(_, at)| *at).chain([Instant::now()]);
+        begun.iter().zip(ends).map(|((stage, at), end)| (*stage, (end - *at).as_secs_f64())).collect()
+    }
 }
 
 fn main() {
@@ -55,37 +77,25 @@ fn run() {
         Scene::new(Camera::centred([1024, 768], 900.0), vec![Group { pitch_down_deg: 50.0, roll_deg: 10.0, views }]);
     scene.floor.texture = TextureKind::Tiles;
     let [a, b] = [0, 1].map(|i| render_view(&scene, i).expect("a picture").to_gray());
-    let options = FeatureOptions::default();
-    time("features of a 1024x768 image", 7, || detect(&a, &options));
-    let (fa, fb) = (detect(&a, &options), detect(&b, &options));
-    time("matches of a pair (3000 features each)", 7, || match_features(&fa, &fb, &MatchOptions::default()));
-
-    let options = PatchOptions::default();
-    time("templates of a 1024x768 image", 7, || template_grid(&a, &options));
-    let grid = template_grid(&a, &options);
-    // Half a pixel off, as features leave it.
-    let h: nalgebra::Matrix3<f64> = scene.h_b_from_a(0, 1).expect("a homography");
-    let map = |p: &Vector2<f64>| {
-        let q = h * Vector3::new(p.x, p.y, 1.0);
-        (q.z > 0.0).then(|| Vector2::new(q.x / q.z + 0.4, q.y / q.z - 0.3))
-    };
-    let match_all = || match_patches(&a, &grid, &b, &map, &options);
-    let found = match_all();
-    let steps = found.iter().map(|m| m.iterations).sum::<usize>() as f64 / found.len() as f64;
-    let median_s = time("least squares matching of a pair's patches", 15, match_all);
-    let per_thousand = 1e3 * median_s * 1e3 / found.len() as f64;
-    println!(
-        "  {} of {} templates found in {steps:.1} steps; {per_thousand:.1} ms per 1000 patches of 21x21 pixels",
-        found.len(),
-        grid.len()
-    );
+    let names = ["a.png", "b.png"].map(String::from);
+    let runs: Vec<Vec<(Stage, f64)>> = (0..7)
+        .map(|_| {
+            let watch = Watch::default();
+            calibrate_images(&names, &[a.clone(), b.clone()], &Options::default(), &watch).expect("a camera");
+            watch.seconds()
+        })
+        .collect();
+    for (i, (stage, _)) in runs[0].iter().enumerate() {
+        let mut times: Vec<f64> = runs.iter().filter_map(|run| run.get(i).map(|(_, seconds)| *seconds)).collect();
+        show(&format!("two pictures of 1024x768: {stage:?}"), &mut times);
+    }
 
     for (matches, outliers) in [(200, 0.0), (200, 0.3), (200, 0.6), (2000, 0.0), (2000, 0.3), (2000, 0.6)] {
         let scene = PointScene { matches, outlier_fraction: outliers, ..PointScene::nominal(1) };
         let pair = &scene.pairs()[0].pair;
         let frame = Frame::new(scene.size, None);
         let name = format!("robust homography, {matches} matches, {:.0} % outliers", 100.0 * outliers);
-        time(&name, 51, || estimate_robust(&pair.matches, &frame, &RobustOptions::default()));
+        time(&name, 51, || robust_homography(&pair.matches, &frame, &RobustOptions::default(), 0));
     }
 
     let mut scene = PointScene::nominal(1);
@@ -101,7 +111,7 @@ fn run() {
     // `auto` is for the whole way.
     for constraint in Constraint::ALL.into_iter().filter(|c| *c != Constraint::Auto) {
         let to_camera = || weighted_camera(&estimates, constraint, 1.0);
-        time(&format!("six homographies to K, {}", constraint.name()), 501, to_camera);
+        time(&format!("six homographies to K, {constraint}"), 501, to_camera);
     }
 }
 

@@ -3,10 +3,7 @@
 #![allow(clippy::expect_used)] // a test or benchmark may end in a panic
 
 use groundcal::{
-    Error,
-    calibrate::{FeatureDensity, Options, Silent, calibrate_images, calibrate_matched_images},
-    pairs::ImagePair,
-    vision::{PatchMatch, PatchOptions, detect, match_features, match_patches, template_grid},
+    Error, FeatureDensity, Options, Silent, calibrate_images, calibrate_matched_images, match_images, pairs::ImagePair,
 };
 use groundcal_lab::renderer::{
     render::render_view,
@@ -32,45 +29,32 @@ fn scene(texture: TextureKind) -> Scene {
     scene
 }
 
-/// Errors against the truth of the patches found, from a prediction half a pixel off, and the patches.
-fn errors(scene: &Scene) -> Vec<(Vector2<f64>, PatchMatch)> {
-    let [a, b] = [0, 1].map(|i| render_view(scene, i).expect("a picture").to_gray());
-    let h: Matrix3<f64> = scene.h_b_from_a(0, 1).expect("a homography");
-    let apply = |p: &Vector2<f64>| {
-        let q = h * Vector3::new(p.x, p.y, 1.0);
+/// Errors against the truth of the patches that a calibration of the two pictures accepts.
+fn errors(scene: &Scene) -> Vec<Vector2<f64>> {
+    let images = [0, 1].map(|i| render_view(scene, i).expect("a picture").to_gray());
+    let names = ["a.png", "b.png"].map(String::from);
+    let c = calibrate_images(&names, &images, &Options::default(), &Silent).expect("a calibration");
+    let pair = &c.evidence.pairs[0];
+    let h: Matrix3<f64> = scene.h_b_from_a(pair.images[0], pair.images[1]).expect("a homography");
+    let apply = |[x, y]: [f64; 2]| {
+        let q = h * Vector3::new(x, y, 1.0);
         Vector2::new(q.x / q.z, q.y / q.z)
     };
-    let rough = |p: &Vector2<f64>| Some(apply(p) + Vector2::new(0.4, -0.3));
-    let options = PatchOptions::default();
-    let found = match_patches(&a, &template_grid(&a, &options), &b, &rough, &options);
-    found.into_iter().map(|m| (m.b - apply(&m.a), m)).collect()
+    pair.matches.iter().filter(|m| m.patch && m.accepted).map(|m| Vector2::from(m.b) - apply(m.a)).collect()
 }
 
 /// Mean error, and root mean square of either coordinate's.
-fn bias_and_rms(errors: &[(Vector2<f64>, PatchMatch)]) -> (Vector2<f64>, f64) {
+fn bias_and_rms(errors: &[Vector2<f64>]) -> (Vector2<f64>, f64) {
     let n = errors.len() as f64;
-    let bias = errors.iter().map(|(e, _)| *e).sum::<Vector2<f64>>() / n;
-    (bias, (errors.iter().map(|(e, _)| e.norm_squared()).sum::<f64>() / (2.0 * n)).sqrt())
-}
-
-fn report(name: &str, errors: &[(Vector2<f64>, PatchMatch)]) -> (Vector2<f64>, f64) {
-    let (bias, rms) = bias_and_rms(errors);
-    let predicted = errors.iter().map(|(_, m)| m.covariance.trace()).sum::<f64>() / (2.0 * errors.len() as f64);
-    println!(
-        "{name}: {} patches, bias ({:+.4}, {:+.4}) px, rms {rms:.4} px, predicted {:.4} px",
-        errors.len(),
-        bias.x,
-        bias.y,
-        predicted.sqrt()
-    );
-    (bias, rms)
+    (errors.iter().sum::<Vector2<f64>>() / n, (errors.iter().map(|e| e.norm_squared()).sum::<f64>() / (2.0 * n)).sqrt())
 }
 
 #[test]
 fn patches_of_rendered_floors_are_not_biased() {
     for texture in [TextureKind::Concrete, TextureKind::Terrazzo, TextureKind::Tiles] {
         let found = errors(&scene(texture));
-        let (bias, rms) = report(&format!("{texture:?}"), &found);
+        let (bias, rms) = bias_and_rms(&found);
+        println!("{texture:?}: {} patches, bias ({:+.4}, {:+.4}) px, rms {rms:.4} px", found.len(), bias.x, bias.y);
         assert!(found.len() >= 150, "{texture:?}: {} patches", found.len());
         assert!(bias.amax() < 0.01, "{texture:?}: bias {bias}");
         assert!(rms < 0.06, "{texture:?}: {rms} px");
@@ -83,9 +67,7 @@ fn matches_that_are_there_already_give_the_same_calibration() {
     let images = [0, 1].map(|i| render_view(&scene, i).expect("a picture").to_gray());
     let names = ["a.png", "b.png"].map(String::from);
     let options = Options { feature_density: FeatureDensity::Dense, ..Options::default() };
-    let features = images.each_ref().map(|i| detect(i, &options.features));
-    let matches = match_features(&features[0], &features[1], &options.matching);
-    let pair = ImagePair { from: 0, to: 1, matches };
+    let pair = match_images(&images, &[(0, 1)], &options, &Silent).expect("two pictures").remove(0);
     let expected = calibrate_images(&names, &images, &options, &Silent).expect("a calibration");
     let given = calibrate_matched_images(&names, &images, std::slice::from_ref(&pair), &options, &Silent);
     // What differs is far too long to be printed.

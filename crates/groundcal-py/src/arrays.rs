@@ -75,7 +75,7 @@ impl Made {
             made: Resampled<T>,
         ) -> PyResult<(Bound<'_, PyAny>, Bound<'_, PyAny>)> {
             let (size, channels) = (made.picture.size(), made.picture.channels());
-            let data = made.picture.into_data().into_pyarray(py);
+            let data = Vec::from(made.picture).into_pyarray(py);
             let picture = match channels {
                 1 => data.reshape([size.height, size.width])?.into_any(),
                 _ => data.reshape([size.height, size.width, channels])?.into_any(),

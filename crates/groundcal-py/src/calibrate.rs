@@ -3,9 +3,8 @@
 use std::{path::PathBuf, sync::Arc};
 
 use groundcal::{
-    Error,
-    calibrate::{calibrate_homographies, calibrate_images, calibrate_matches},
-    geometry::{Frame, Homography, HomographyCovariance, ImageSize, covariance_in_frame},
+    Error, calibrate_homographies, calibrate_images, calibrate_matches,
+    geometry::{Frame, ImageSize},
     pairs::{HomographyEstimate, ImagePair, PointMatch},
     result::{Calibration, Warning},
     vision::{GrayImage, Mask},
@@ -18,7 +17,7 @@ use groundcal_io::{
     note::Note,
     text::shown,
 };
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, SMatrix};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::{
     exceptions::PyTypeError,
@@ -376,9 +375,6 @@ pub(crate) fn calibrate_tracks<'py>(
 /// A homography: indices of its images, the matrix, its covariance, matches.
 type GivenHomography<'py> = (usize, usize, PyReadonlyArray2<'py, f64>, Option<PyReadonlyArray2<'py, f64>>, usize);
 
-/// Variance of each entry where no covariance is given: all count the same.
-const VARIANCE_WITHOUT_COVARIANCE: f64 = 1e-8;
-
 /// From homographies. A covariance is that of the nine entries, row by row, of the matrix as it is given, in pixels.
 #[pyfunction]
 #[pyo3(signature = (names, homographies, options, progress))]
@@ -402,16 +398,13 @@ pub(crate) fn calibrate_planes<'py>(
             let h = h.as_array();
             let matrix = Matrix3::from_fn(|r, c| h[[r, c]]);
             let between = format!("the homography from {} to {}", names[*from], names[*to]);
-            let h = Homography::new(matrix).map_err(|e| Failure::of_input(&between, e))?;
-            let covariance = match covariance {
-                None => HomographyCovariance::from_diagonal_element(VARIANCE_WITHOUT_COVARIANCE),
-                Some(given) => {
-                    let given = given.as_array();
-                    let given = HomographyCovariance::from_fn(|r, c| given[[r, c]]);
-                    covariance_in_frame(&matrix, &given, &frame).map_err(|e| Failure::of_input(&between, e))?
-                }
-            };
-            all.push((*from, *to, HomographyEstimate::from_parts(h, covariance, frame, *matches)));
+            let covariance = covariance.as_ref().map(|given| {
+                let given = given.as_array();
+                SMatrix::from_fn(|r, c| given[[r, c]])
+            });
+            let estimate = HomographyEstimate::from_pixels(&matrix, covariance.as_ref(), frame, *matches)
+                .map_err(|e| Failure::of_input(&between, e))?;
+            all.push((*from, *to, estimate));
         }
         Ok((size, all))
     };

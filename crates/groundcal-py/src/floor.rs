@@ -62,7 +62,7 @@ pub(crate) fn undistort_maps<'py>(
 ) -> PyResult<Maps<'py>> {
     let calibration = calibration.shared();
     let fit = fit.to_string();
-    let size = calibration.camera.size();
+    let size = calibration.camera.model().size;
     let (matrix, [x, y]) = work::run(py, None, None, move |_| {
         let undistortion = undistortion(&calibration.camera, &fit, fov_deg)?;
         Ok((matrix(&undistortion), undistortion.maps()))
@@ -126,7 +126,7 @@ pub(crate) fn undistort<'py>(
     let (made, matrix) = work::run(py, None, None, move |_| {
         let undistortion = undistortion(&calibration.camera, &fit, fov_deg)?;
         let matrix = matrix(&undistortion);
-        let picture = source.read(calibration.camera.size())?;
+        let picture = source.read(calibration.camera.model().size)?;
         Ok((arrays::per_depth(picture, &Straighten(undistortion)), matrix))
     })?;
     let (picture, mask) = made.arrays(py)?;
@@ -271,7 +271,7 @@ fn floor_pictures(
         ));
     }
     let mut notes = Vec::new();
-    let size = calibration.camera.size();
+    let size = calibration.camera.model().size;
     let found = found(all, shots, size, asked.mosaic, &mut notes)?;
     let layout = FloorLayout {
         size,

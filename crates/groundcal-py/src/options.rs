@@ -6,7 +6,7 @@
 use std::path::PathBuf;
 
 use groundcal::{
-    calibrate::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection},
+    FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options, RadialCorrection,
     geometry::{Camera, Constraint, ImageSize, Lens},
     result::PriorParameter,
     start::GivenPrior,
@@ -95,10 +95,14 @@ pub(crate) fn named<T: Copy>(given: &Bound<'_, PyDict>, keyword: &str, values: &
     })
 }
 
-/// The names of constraints.
-pub(crate) fn constraints() -> Vec<(&'static str, Constraint)> {
-    Constraint::ALL.into_iter().map(|c| (c.name(), c)).collect()
-}
+pub(crate) const CONSTRAINTS: [(&str, Constraint); 6] = [
+    ("auto", Constraint::Auto),
+    ("full", Constraint::Full),
+    ("zero-skew", Constraint::ZeroSkew),
+    ("square", Constraint::Square),
+    ("fixed-pp", Constraint::FixedPrincipalPoint),
+    ("focal", Constraint::Focal),
+];
 
 /// The names of what is estimated of a lens.
 pub(crate) const LENS_MODELS: [(&str, LensModel); 5] = [
@@ -145,14 +149,18 @@ pub(crate) fn image_size(given: &Bound<'_, PyDict>) -> PyResult<Option<ImageSize
 pub(crate) fn priors(given: &Bound<'_, PyDict>) -> PyResult<Vec<GivenPrior>> {
     let Some(value) = given.get_item("priors")?.filter(|v| !v.is_none()) else { return Ok(Vec::new()) };
     let Ok(priors) = value.cast::<PyDict>() else { return Err(wrong_type("priors", &value)) };
-    let names: Vec<&str> = PriorParameter::ALL.iter().map(|p| p.name()).collect();
+    let names = PriorParameter::ALL.map(|p| p.to_string());
     let mut all = Vec::new();
     for (name, pair) in priors {
         let name: String = name.extract().map_err(|_| wrong_type("priors", &value))?;
         let (mean, sigma) = pair.extract::<(f64, f64)>().map_err(|_| wrong_type("priors", &value))?;
-        let known = PriorParameter::ALL.into_iter().find(|p| p.name() == name);
+        let known = PriorParameter::ALL.into_iter().find(|p| p.to_string() == name);
         let parameter = known.ok_or_else(|| {
-            Failure::option(format!("priors={{{name:?}: ...}}: {}", no_such(&name, &names))).raise(given.py())
+            Failure::option(format!(
+                "priors={{{name:?}: ...}}: {}",
+                no_such(&name, &names.each_ref().map(String::as_str))
+            ))
+            .raise(given.py())
         })?;
         all.push(GivenPrior { parameter, mean, sigma });
     }
@@ -222,7 +230,7 @@ impl Asked {
         let mut options = Options {
             motion: named(given, "motion", &MOTIONS)?.unwrap_or_default(),
             feature_density: named(given, "features", &FEATURES)?.unwrap_or_default(),
-            constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
+            constraint: named(given, "constraint", &CONSTRAINTS)?.unwrap_or_default(),
             method: named(given, "method", &METHODS)?.unwrap_or_default(),
             homographies: named(given, "homographies", &HOMOGRAPHIES)?.unwrap_or_default(),
             radial: named(given, "radial", &RADIAL)?.unwrap_or_default(),
@@ -243,7 +251,7 @@ impl Asked {
                 let text = format!("max_features={most}: it must lie between 50 and 50000");
                 return Err(Failure::option(text).raise(given.py()));
             }
-            options.features.max_features = most;
+            options.max_features = most;
         }
         let threads = taken::<usize>(given, "threads")?;
         if threads == Some(0) {
@@ -279,15 +287,14 @@ impl Asked {
                 "{name}: it has no lens distortion. Give lens=\"none\" for a lens known to have none"
             )));
         }
-        if !size.has_shape_of(camera.size) {
+        let Some(scaled) = camera.scaled_to(size) else {
             return Err(Failure::option(format!(
                 "{name}: a camera of {} pixels, the images have {size}: another shape, so they are not the same picture at another size",
                 camera.size
             )));
-        }
-        let camera = camera.scaled_to(size);
-        self.options.distortion = camera.lens;
-        self.options.distortion_camera = Some(camera.intrinsics);
+        };
+        self.options.distortion = scaled.lens;
+        self.options.distortion_camera = Some(scaled.intrinsics);
         Ok(notes)
     }
 }

@@ -20,7 +20,7 @@ use crate::{
     handle::Handle,
     keywords::Keywords,
     nearest::no_such,
-    options::{LENS_MODELS, constraints, image_size, named, priors, taken},
+    options::{CONSTRAINTS, LENS_MODELS, image_size, named, priors, taken},
     work,
 };
 
@@ -48,13 +48,13 @@ fn of_file(path: &std::path::Path, notes: &mut Vec<String>) -> Result<compare::C
 fn of_handle(name: String, handle: &Handle) -> compare::Camera {
     let c = handle.calibration();
     let camera = &c.camera;
-    let known = |covariance: &Covariance<_>| covariance.is_known().then(|| covariance.clone());
+    let known = |covariance: &Covariance<_>| (!covariance.parameters.is_empty()).then(|| covariance.clone());
     compare::Camera {
         name,
         format: "groundcal",
-        size: Some(camera.size()),
+        size: Some(camera.model().size),
         intrinsics: camera.intrinsics(),
-        lens: camera.lens(),
+        lens: camera.model().lens,
         covariance: known(&c.covariance),
     }
 }
@@ -112,7 +112,7 @@ fn plan_request(given: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
         noise_px: taken(given, "noise_px")?,
         points: taken(given, "points")?,
         motions,
-        constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
+        constraint: named(given, "constraint", &CONSTRAINTS)?.unwrap_or_default(),
         priors: priors(given)?,
         lens: named(given, "lens", &LENS_MODELS)?.unwrap_or_default(),
         attitude_sigma_deg: taken(given, "attitude_sigma_deg")?,

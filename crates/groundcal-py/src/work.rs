@@ -13,10 +13,7 @@ use std::{
     time::Duration,
 };
 
-use groundcal::{
-    calibrate::{Observer, Stage},
-    result::Warning,
-};
+use groundcal::{Observer, Stage, result::Warning};
 use groundcal_lab::progress::Progress;
 use pyo3::{exceptions::PyRuntimeError, prelude::*};
 

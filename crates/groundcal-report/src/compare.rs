@@ -2,9 +2,7 @@
 
 use groundcal::{
     Error,
-    geometry::{
-        CameraDifference, INTRINSIC_NAMES, ImageSize, Intrinsics, Lens, Radtan, camera_difference, significance,
-    },
+    geometry::{CameraDifference, ImageSize, Intrinsics, Lens, Radtan, camera_difference, significance},
     result::{Covariance, Parameter},
 };
 use nalgebra::{DMatrix, DVector};
@@ -98,36 +96,40 @@ fn scaled(camera: OfSize, size: ImageSize) -> Result<(OfSize, Option<[usize; 2]>
         return Ok((camera, None));
     }
     let (sx, sy) = (size.width as f64 / own.width as f64, size.height as f64 / own.height as f64);
-    if !size.has_shape_of(own) {
+    let Some(model) = camera.model.scaled_to(size) else {
         return Err(format!(
             "images of {size} and {own} pixels. Cameras can be compared at one size, or where one image is the other scaled as a \
              whole (not cropped)"
         ));
-    }
+    };
     let factor = |p: Parameter| match p {
         Parameter::Fx | Parameter::Cx | Parameter::Skew => sx,
         Parameter::Fy | Parameter::Cy => sy,
         Parameter::K1 | Parameter::K2 | Parameter::P1 | Parameter::P2 | Parameter::K3 => 1.0,
     };
-    let covariance = camera.covariance.map(|mut c| {
-        c.scale(factor);
-        c
+    let covariance = camera.covariance.map(|c| {
+        let entry = |i: usize, j: usize| c.matrix[i][j] * factor(c.parameters[i]) * factor(c.parameters[j]);
+        Covariance::from_fn(&c.parameters, entry)
     });
-    Ok((OfSize { model: camera.model.scaled_to(size), covariance }, Some([own.width, own.height])))
+    Ok((OfSize { model, covariance }, Some([own.width, own.height])))
 }
+
+/// Numbers of the camera matrix, which every lens model has.
+const INTRINSICS: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
 
 /// A camera's numbers by name, in their order. Without distortion a lens is Brown-Conrady's, all zero.
 fn numbers(camera: &groundcal::geometry::Camera) -> Vec<(&'static str, f64)> {
     let lens = if camera.lens == Lens::None { Lens::Radtan(Radtan::default()) } else { camera.lens };
-    let camera = groundcal::geometry::Camera { lens, ..*camera };
-    camera.parameter_names().into_iter().zip(camera.parameters()).collect()
+    let k = &camera.intrinsics;
+    let of_matrix = INTRINSICS.into_iter().zip([k.fx, k.fy, k.cx, k.cy, k.skew]);
+    of_matrix.chain(lens.parameter_names().iter().copied().zip(lens.parameters())).collect()
 }
 
 /// The numbers of both: name, that of the first, that of the second. Coefficients of different lens models have nothing in common.
 fn common_numbers(a: &OfSize, b: &OfSize) -> Vec<(&'static str, f64, f64)> {
     let (of_a, of_b) = (numbers(&a.model), numbers(&b.model));
     let same_model = of_a.iter().map(|(name, _)| name).eq(of_b.iter().map(|(name, _)| name));
-    let count = if same_model { of_a.len() } else { INTRINSIC_NAMES.len() };
+    let count = if same_model { of_a.len() } else { INTRINSICS.len() };
     of_a.iter().zip(&of_b).take(count).map(|((name, a), (_, b))| (*name, *a, *b)).collect()
 }
 
@@ -157,7 +159,7 @@ fn parameters(a: &OfSize, b: &OfSize) -> Vec<ParameterDifference> {
         let difference = value - reference;
         ParameterDifference {
             parameter,
-            unit: if i < INTRINSIC_NAMES.len() { "px" } else { "1" },
+            unit: if i < INTRINSICS.len() { "px" } else { "1" },
             reference,
             value,
             difference,
@@ -204,7 +206,7 @@ mod tests {
         assert_eq!((same.model.intrinsics.fx, from), (700.0, None));
         let (half, from) = scaled(camera(800, 600), ImageSize::new(400, 300)).unwrap();
         assert_eq!((half.model.intrinsics.fx, from), (350.0, Some([800, 600])));
-        assert_eq!(half.covariance.unwrap().variance(Parameter::Fx), 1.0);
+        assert_eq!(half.covariance.unwrap().get(Parameter::Fx, Parameter::Fx), 1.0);
         // 1000 x 667 at a third is 333 x 222.
         assert!(scaled(camera(1000, 667), ImageSize::new(333, 222)).is_ok());
         let message = scaled(camera(800, 600), ImageSize::new(800, 450)).err().unwrap();
@@ -225,7 +227,7 @@ mod tests {
             ..b.clone()
         };
         let names = |a: &OfSize, b: &OfSize| parameters(a, b).iter().map(|p| p.parameter).collect::<Vec<_>>();
-        assert_eq!(names(&a, &fisheye), INTRINSIC_NAMES);
+        assert_eq!(names(&a, &fisheye), INTRINSICS);
         assert_eq!(names(&fisheye, &fisheye)[5..], ["k1", "k2", "k3", "k4"]);
         assert_eq!(names(&a, &b)[5..], ["k1", "k2", "p1", "p2", "k3"]);
         let j = joint(&a, &b).unwrap();

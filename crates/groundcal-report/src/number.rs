@@ -9,6 +9,14 @@ pub fn fixed(value: f64, decimals: usize) -> String {
     }
 }
 
+/// Standard deviations to either side of a two-sided 95 % interval of a normal variable.
+pub const NORMAL_95: f64 = 1.959_963_984_540_054;
+
+/// The 95 % interval of a number.
+pub(crate) fn interval_95(value: f64, sigma: f64) -> [f64; 2] {
+    [-NORMAL_95, NORMAL_95].map(|t| value + t * sigma)
+}
+
 /// A number as typeset text has it: with a minus sign in place of the hyphen.
 pub fn typeset(text: &str) -> String {
     text.replace('-', "\u{2212}")

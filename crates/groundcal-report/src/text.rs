@@ -4,7 +4,6 @@
 use groundcal::{
     Wording,
     geometry::Lens,
-    numerics::NORMAL_95,
     result::{
         Calibration, CameraOnBase, LensSource, Method, MotionKind, MotionReport, Parameter, Scene, Verdict,
         VerdictLevel, VerdictReason, level_with,
@@ -12,7 +11,7 @@ use groundcal::{
 };
 
 use crate::{
-    number::{decimals_of_sigma, fixed, or_dash, with_sigma},
+    number::{decimals_of_sigma, fixed, interval_95, or_dash, with_sigma},
     terminal::{self, Line, Look, Table, centred, facts, rule, wrapped},
     uncertainty::in_short,
 };
@@ -179,7 +178,7 @@ pub(crate) fn verdict_line(v: &Verdict) -> String {
         VerdictLevel::Unchecked => "the error bars may not hold",
         VerdictLevel::Contradicted => "the images contradict it",
     };
-    format!("Verdict: {} ({means}){because}", v.level.name())
+    format!("Verdict: {} ({means}){because}", v.level)
 }
 
 /// Reasons of the verdict that are no warnings.
@@ -289,7 +288,7 @@ fn distortion(c: &Calibration) -> String {
     match (d.source, d.lens.is_none()) {
         (LensSource::Given, _) => format!("given: {}", given(&d.lens)),
         (LensSource::Estimated, true) => "estimated: none found".into(),
-        (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.name().into(),
+        (source @ (LensSource::Estimated | LensSource::NotModelled), _) => source.to_string(),
     }
 }
 
@@ -315,7 +314,7 @@ fn camera(c: &Calibration) -> Table {
         let decimals = if p.is_of_lens() { 5 } else { 3 };
         match c.standard_deviation(p) {
             Some(sigma) => {
-                let [low, high] = [-NORMAL_95, NORMAL_95].map(|t| fixed(value + t * sigma, decimals));
+                let [low, high] = interval_95(value, sigma).map(|v| fixed(v, decimals));
                 let of_fx = if p.is_of_lens() { String::new() } else { fixed(100.0 * sigma / c.camera.fx, 3) };
                 let [estimate, error] = [value, sigma].map(|v| fixed(v, decimals));
                 table.row([p.to_string(), estimate, error, format!("{low} to {high}"), of_fx]);
@@ -331,7 +330,8 @@ fn camera(c: &Calibration) -> Table {
 fn priors(c: &Calibration) -> Table {
     let mut table = Table::new().name("prior").number("mean").number("std. dev.").number("narrowed by the images to");
     for p in &c.priors {
-        let unit = if p.parameter.is_in_pixels() { ", px" } else { "" };
+        use groundcal::PriorParameter::{Cx, Cy, Fx, Skew};
+        let unit = if matches!(p.parameter, Fx | Cx | Cy | Skew) { ", px" } else { "" };
         let narrowed = fixed(100.0 * p.posterior_over_prior.min(1.0), 0);
         table.row([format!("{}{unit}", p.parameter), fixed(p.mean, 3), fixed(p.sigma, 3), format!("{narrowed} %")]);
     }
@@ -386,7 +386,7 @@ fn attitudes(c: &Calibration) -> Table {
         .number(if c.camera_height_m.is_some() { "height (m)" } else { "height" })
         .number("horizon\n(deg)")
         .number("above centre\n(px)");
-    let [x, y] = c.camera.size().centre_px();
+    let [x, y] = c.camera.model().size.centre_px();
     for (i, a) in c.attitudes.iter().enumerate() {
         // Clockwise as the image is shown; the line's (a, b) points up, away from the floor.
         let turned = a.horizon_px.map(|[p, q, _]| (-p / q).atan().to_degrees());

@@ -4,22 +4,18 @@
 //! normal to the plane (and moved, if it liked) in between.
 
 use groundcal::{
-    calibrate::{Options, calibrate_homographies},
-    geometry::{Frame, HomographyCovariance},
-    pairs::HomographyEstimate,
-    start::Constraint,
+    Options, calibrate_homographies, geometry::Frame, pairs::HomographyEstimate, start::Constraint,
     synthetic::PointScene,
 };
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = PointScene::nominal(0);
     let frame = Frame::new(scene.size, None);
-    // Without a covariance of their own all count the same: 1e-4 in each entry of the unit-norm matrix in frame coordinates.
-    let covariance = HomographyCovariance::from_diagonal_element(1e-8);
+    // Without a covariance of their own all count the same.
     let homographies: Vec<(usize, usize, HomographyEstimate)> = (0..scene.motions.len())
         .filter_map(|i| {
             let h = scene.homography(i)?;
-            Some((2 * i, 2 * i + 1, HomographyEstimate::from_parts(h, covariance, frame, 200)))
+            Some((2 * i, 2 * i + 1, HomographyEstimate::from_pixels(&h.into(), None, frame, 200).ok()?))
         })
         .collect();
     let names: Vec<String> = (0..2 * homographies.len()).map(|i| format!("view {i}")).collect();

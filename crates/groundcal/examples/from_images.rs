@@ -2,11 +2,7 @@
 //!
 //! The library takes grey pixels; any decoder will do.
 
-use groundcal::{
-    calibrate::{Options, Silent, calibrate_images},
-    geometry::ImageSize,
-    vision::GrayImage,
-};
+use groundcal::{Options, Silent, calibrate_images, geometry::ImageSize, vision::GrayImage};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut names: Vec<String> = std::env::args().skip(1).collect();

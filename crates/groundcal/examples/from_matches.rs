@@ -2,11 +2,7 @@
 //!
 //! Matches of floor points, wrong ones among them, for pairs of images; which pairs are plane-normal motions is found.
 
-use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
-    pairs::ImagePair,
-    synthetic::PointScene,
-};
+use groundcal::{Options, Silent, calibrate_matches, pairs::ImagePair, synthetic::PointScene};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = PointScene { outlier_fraction: 0.3, matches: 300, ..PointScene::nominal(0) };

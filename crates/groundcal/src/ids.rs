@@ -6,7 +6,7 @@ macro_rules! index {
     ($(#[$documentation:meta])* $name:ident) => {
         $(#[$documentation])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        pub struct $name(usize);
+        pub(crate) struct $name(usize);
 
         impl $name {
             /// The index of a slice's element.

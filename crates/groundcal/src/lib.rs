@@ -53,15 +53,12 @@
 #![forbid(unsafe_code)]
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
-#[doc(hidden)]
-pub mod calibrate;
+pub(crate) mod calibrate;
 pub(crate) mod error;
 pub mod floor;
 pub mod geometry;
-#[doc(hidden)]
-pub mod ids;
-#[doc(hidden)]
-pub mod numerics;
+pub(crate) mod ids;
+pub(crate) mod numerics;
 pub(crate) mod observer;
 #[doc(hidden)]
 pub mod pairs;
@@ -70,8 +67,7 @@ pub mod plan;
 pub(crate) mod refine;
 pub(crate) mod remedy;
 pub mod result;
-#[doc(hidden)]
-pub mod select;
+pub(crate) mod select;
 #[doc(hidden)]
 pub mod start;
 #[cfg(feature = "synthetic")]
@@ -84,7 +80,7 @@ pub use nalgebra;
 pub use crate::{
     calibrate::{
         FeatureDensity, HomographyFit, LensModel, MotionModel, Options, RadialCorrection, calibrate_circular_points,
-        calibrate_homographies, calibrate_images, calibrate_matched_images, calibrate_matches,
+        calibrate_homographies, calibrate_images, calibrate_matched_images, calibrate_matches, match_images, priors_of,
     },
     error::Error,
     floor::{FloorGrid, FloorView, MeasuringView, Placed, Undistortion, placed, rectify_image},

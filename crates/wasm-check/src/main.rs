@@ -3,12 +3,7 @@
 
 #![forbid(unsafe_code)]
 
-use groundcal::{
-    Error, Plain,
-    calibrate::{Options, Silent, calibrate_matches},
-    plan::PlanRequest,
-    synthetic::PointScene,
-};
+use groundcal::{Error, Options, Plain, Silent, calibrate_matches, plan::PlanRequest, synthetic::PointScene};
 
 fn main() -> Result<(), Error> {
     let scene = PointScene::nominal(0);

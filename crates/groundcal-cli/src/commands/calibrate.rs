@@ -4,8 +4,9 @@ use std::{path::PathBuf, time::Instant};
 
 use clap::{Args, ValueEnum};
 use groundcal::{
-    calibrate::{HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches, priors_of},
+    HomographyFit, Method, Options, RadialCorrection, calibrate_images, calibrate_matches,
     geometry::{Camera, ImageSize, Lens},
+    priors_of,
     result::{Calibration, Warning},
     start::GivenPrior,
     vision::GrayImage,
@@ -476,13 +477,13 @@ fn take_known_lens(
         )));
     }
     let of_file = imported.size.unwrap_or(size);
-    if !size.has_shape_of(of_file) {
+    let camera = Camera { size: of_file, intrinsics: imported.intrinsics, lens: imported.lens };
+    let Some(camera) = camera.scaled_to(size) else {
         return Err(CliError::Usage(format!(
             "--lens-from {file}: a camera of {of_file} pixels, the images have {size}: another shape, so they are not the same picture \
              at another size"
         )));
-    }
-    let camera = Camera { size: of_file, intrinsics: imported.intrinsics, lens: imported.lens }.scaled_to(size);
+    };
     options.distortion = camera.lens;
     options.distortion_camera = Some(camera.intrinsics);
     imported.notes.into_iter().for_each(|note| progress.note(Note::CAMERA_FILE, note));
@@ -509,7 +510,7 @@ fn options(args: &CalibrateArgs) -> Options {
         seed: args.seed,
         ..Options::default()
     };
-    options.features.max_features = args.max_features as usize;
+    options.max_features = args.max_features as usize;
     options.feature_density = args.features.into();
     options
 }

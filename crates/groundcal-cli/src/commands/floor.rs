@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use groundcal::{
-    floor::{FloorPoint, ImagePoint, Length, MeasuringView, view_named},
+    floor::{FloorPoint, ImagePoint, Length, MeasuringView},
     result::Calibration,
 };
 use groundcal_io::import::groundcal_json;
@@ -110,7 +110,6 @@ pub(crate) fn run(args: &FloorArgs) -> Result<(), CliError> {
 }
 
 fn report(args: &FloorArgs, c: &Calibration) -> Result<Report, groundcal::Error> {
-    let named = view_named(c, &args.view)?;
     let view = MeasuringView::of(c, &args.view)?;
     let points: Vec<Point> = args
         .points
@@ -127,8 +126,8 @@ fn report(args: &FloorArgs, c: &Calibration) -> Result<Report, groundcal::Error>
             .collect(),
     };
     Ok(Report {
-        view: named.image.clone(),
-        origin: named.origin.clone(),
+        view: view.image,
+        origin: view.origin,
         unit: if c.camera_height_m.is_some() { "m" } else { "camera heights" },
         pixel_sigma_px: args.pixel_sigma,
         points,

@@ -177,7 +177,7 @@ fn pictures_of(args: &RectifyArgs) -> Result<(String, Vec<String>, Finished), Cl
         calibration: &calibration,
         args,
         layout: FloorLayout {
-            size: calibration.camera.size(),
+            size: calibration.camera.model().size,
             max_distance: args.extent.unwrap_or(DEFAULT_EXTENT_HEIGHTS * camera_height_m.unwrap_or(1.0)),
             up: args.up.unwrap_or(default_up).into(),
         },

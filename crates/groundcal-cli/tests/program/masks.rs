@@ -6,10 +6,9 @@ use std::{
 };
 
 use groundcal::{
-    calibrate::{Observer, Options, Silent, calibrate_images, calibrate_matched_images},
+    Observer, Options, Silent, calibrate_images, calibrate_matched_images, match_images,
     pairs::ImagePair,
     result::{Calibration, Warning},
-    vision::{detect, match_features},
 };
 use groundcal_io::images::read_images;
 use groundcal_lab::renderer::{
@@ -199,11 +198,11 @@ fn the_library_sets_it_aside_whatever_enters() {
     assert_eq!(listener.0.lock().unwrap().iter().collect::<Vec<_>>(), still);
     assert_eq!(still.len(), 1);
     // Matches of whole images: those of the bumper are more than those of the floor, and are not used.
-    let features: Vec<_> = images.iter().map(|image| detect(image, &options.features)).collect();
-    let pair = |&(from, to): &(usize, usize)| ImagePair {
-        from,
-        to,
-        matches: match_features(&features[from], &features[to], &options.matching),
+    let pair = |&(from, to): &(usize, usize)| {
+        // Of two images nothing is set aside.
+        let two = [from, to].map(|i| images[i].clone());
+        let found = match_images(&two, &[(0, 1)], &options, &Silent).unwrap().remove(0);
+        ImagePair { from, to, ..found }
     };
     let pairs: Vec<ImagePair> = options.pairs.iter().flatten().map(pair).collect();
     let of_matches = calibrate_matched_images(&names, &images, &pairs, &options, &Silent).unwrap();

@@ -29,7 +29,7 @@ fn cameras(source: &Source) -> String {
     let (centre, square) = ([k.cx + 0.5, k.cy + 0.5], k.fx == k.fy);
     let (one_focal, two_focals) = (vec![k.fx, centre[0], centre[1]], vec![k.fx, k.fy, centre[0], centre[1]]);
     let (model, mut parameters, lens) = match c.lens {
-        Lens::Fisheye(lens) => ("OPENCV_FISHEYE", two_focals, lens.parameters().to_vec()),
+        Lens::Fisheye(_) => ("OPENCV_FISHEYE", two_focals, c.lens.parameters()),
         _ if k3 != 0.0 => ("FULL_OPENCV", two_focals, vec![k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]),
         _ if p1 != 0.0 || p2 != 0.0 => ("OPENCV", two_focals, vec![k1, k2, p1, p2]),
         _ if k1 == 0.0 && k2 == 0.0 && square => ("SIMPLE_PINHOLE", one_focal, Vec::new()),

@@ -119,9 +119,9 @@ impl<'a> FloorPicture<'a> {
 }
 
 fn world_file(grid: &FloorGrid) -> String {
-    let (right, down, origin) = (grid.right * grid.unit_per_px, grid.down() * grid.unit_per_px, grid.top_left);
-    // Adding zero turns -0 into 0.
-    [right.x, right.y, down.x, down.y, origin.x, origin.y].map(|v| format!("{:?}\n", v + 0.0)).concat()
+    // By the column, by the row, and the first pixel: X and Y of each. Adding zero turns -0 into 0.
+    let h = grid.floor_from_pixel_matrix();
+    h.fixed_rows::<2>(0).iter().map(|v| format!("{:?}\n", v + 0.0)).collect()
 }
 
 fn rows(m: &Matrix3<f64>) -> [[f64; 3]; 3] {

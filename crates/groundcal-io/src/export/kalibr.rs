@@ -17,8 +17,8 @@ pub(crate) fn files(source: &Source) -> Result<Vec<File>, IoError> {
 fn yaml(source: &Source) -> String {
     let (c, k) = (&source.camera, &source.camera.intrinsics);
     let (model, coefficients, k3) = match c.lens {
-        Lens::Fisheye(lens) => ("equidistant", lens.parameters(), 0.0),
-        _ => ("radtan", source.lens_parameters(["k1", "k2", "p1", "p2"]), source.lens_parameter("k3")),
+        Lens::Fisheye(_) => ("equidistant", c.lens.parameters(), 0.0),
+        _ => ("radtan", source.lens_parameters(["k1", "k2", "p1", "p2"]).to_vec(), source.lens_parameter("k3")),
     };
     let left_out = [("a skew", k.skew, " px"), ("a k3", k3, "")].into_iter().filter(|(_, value, _)| *value != 0.0);
     let left_out: String = left_out

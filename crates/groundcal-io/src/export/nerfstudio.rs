@@ -65,8 +65,8 @@ pub(crate) fn files(source: &Source) -> Result<Vec<File>, IoError> {
 fn json(source: &Source) -> Result<String, IoError> {
     let (c, k, world) = (&source.camera, &source.camera.intrinsics, &source.world);
     let (camera_model, lens) = match c.lens {
-        Lens::Fisheye(lens) => {
-            let [k1, k2, k3, k4] = lens.parameters();
+        Lens::Fisheye(_) => {
+            let [k1, k2, k3, k4] = source.lens_parameters(["k1", "k2", "k3", "k4"]);
             ("OPENCV_FISHEYE", LensKeys::Fisheye { k1, k2, k3, k4 })
         }
         _ => {

@@ -24,9 +24,9 @@ fn yaml(source: &Source) -> String {
         format!("!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {} ]\n", list(data))
     };
     let lens = match c.lens {
-        Lens::Fisheye(lens) => format!(
+        Lens::Fisheye(_) => format!(
             "fisheye_model: 1\ndistortion_model: equidistant\ndistortion_coefficients: {}",
-            matrix(1, 4, &lens.parameters())
+            matrix(1, 4, &c.lens.parameters())
         ),
         _ => format!(
             "distortion_model: plumb_bob\ndistortion_coefficients: {}",

@@ -24,7 +24,7 @@ fn yaml(source: &Source) -> String {
         format!("{name}:\n  rows: {rows}\n  cols: {columns}\n  data: [{}]\n", list(data))
     };
     let (model, coefficients) = match c.lens {
-        Lens::Fisheye(lens) => ("equidistant", lens.parameters().to_vec()),
+        Lens::Fisheye(_) => ("equidistant", c.lens.parameters()),
         _ => ("plumb_bob", source.lens_parameters(["k1", "k2", "p1", "p2", "k3"]).to_vec()),
     };
     let projection = [k.fx, k.skew, k.cx, 0.0, 0.0, k.fy, k.cy, 0.0, 0.0, 0.0, 1.0, 0.0];

@@ -32,7 +32,7 @@ pub fn camera_json(undistorted: &Intrinsics, fit: Fit, original: &Camera) -> Res
         schema_version: SCHEMA_VERSION,
         format_version: FORMAT_VERSION,
         pixel_centre: PixelCentre::TopLeftPixel,
-        camera: Camera::new(original.size(), undistorted, Lens::None, LensSource::Given),
+        camera: Camera::new(original.model().size, undistorted, Lens::None, LensSource::Given),
         undistort_fit: match fit {
             Fit::Same => "same",
             Fit::All => "all",

@@ -65,7 +65,7 @@ pub fn read_stored(path: &Path) -> Result<StoredImage, IoError> {
 /// # let path = folder.path().join("grey.png");
 /// image::GrayImage::from_pixel(4, 3, image::Luma([51])).save(&path)?;
 /// let (grey, notes) = groundcal_io::images::read_image(&path)?;
-/// assert_eq!((grey.width(), grey.height(), grey.get(0, 0)), (4, 3, 0.2));
+/// assert_eq!((grey.size().width, grey.size().height, grey.get(0, 0)), (4, 3, 0.2));
 /// assert!(notes.is_empty());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```

@@ -197,8 +197,9 @@ fn covariance<P: Copy + PartialEq>(c: &Covariance<P>) -> Result<(), String> {
 pub(crate) fn camera(value: serde_json::Value) -> Result<ImportedCamera, String> {
     let calibration = from_value(value)?;
     let c = &calibration.camera;
-    let size = [c.size().width as f64, c.size().height as f64];
-    let camera = ImportedCamera::new("groundcal", Some(size), c.intrinsics(), c.lens())?;
+    let model = c.model();
+    let size = [model.size.width as f64, model.size.height as f64];
+    let camera = ImportedCamera::new("groundcal", Some(size), model.intrinsics, model.lens)?;
     Ok(ImportedCamera {
         covariance: covariance_of_parameters(&calibration),
         lens_source: c.distortion.source,
@@ -208,12 +209,12 @@ pub(crate) fn camera(value: serde_json::Value) -> Result<ImportedCamera, String>
 
 /// The covariance, or else the squares of the standard deviations; nothing where neither is there.
 fn covariance_of_parameters(c: &Calibration) -> Option<Covariance<Parameter>> {
-    if c.covariance.is_known() {
+    if !c.covariance.parameters.is_empty() {
         return Some(c.covariance.clone());
     }
     let variance = |p: Parameter| c.standard_deviation(p).map_or(0.0, |s| s * s);
     let diagonal = Covariance::from_fn(&Parameter::ALL, |i, j| if i == j { variance(Parameter::ALL[i]) } else { 0.0 });
-    Parameter::ALL.iter().any(|p| diagonal.variance(*p) > 0.0).then_some(diagonal)
+    Parameter::ALL.iter().any(|p| diagonal.get(*p, *p) > 0.0).then_some(diagonal)
 }
 
 #[cfg(test)]
@@ -239,10 +240,10 @@ mod tests {
     #[test]
     fn what_is_there_is_read_and_the_rest_is_what_is_usual() {
         let c = parse(SMALL).unwrap();
-        assert_eq!((c.camera.size(), c.value(Parameter::K1)), (ImageSize::new(800, 600), -0.1));
+        assert_eq!((c.camera.model().size, c.value(Parameter::K1)), (ImageSize::new(800, 600), -0.1));
         assert_eq!((c.schema_version, c.method, c.scene), (1, Method::Joint, Some(Scene::Floor)));
         assert_eq!(
-            (c.covariance(Parameter::Cx, Parameter::Fx), c.covariance(Parameter::Cy, Parameter::Cy)),
+            (c.covariance.get(Parameter::Cx, Parameter::Fx), c.covariance.get(Parameter::Cy, Parameter::Cy)),
             (0.5, 0.0)
         );
         assert_eq!(c.warnings, [Warning::Other { code: "single_attitude".into(), message: "Tilt".into() }]);
@@ -251,7 +252,7 @@ mod tests {
         let camera = r#"{"format_version": 1, "camera": {"image_size": [9, 9], "fx": 7, "fy": 7, "cx": 4, "cy": 4}}"#;
         let c = parse(camera).unwrap();
         assert_eq!((c.camera.distortion.source, c.attitude_sigma_deg), (LensSource::Given, 0.1));
-        assert!(c.views.is_empty() && !c.covariance.is_known());
+        assert!(c.views.is_empty() && c.covariance.parameters.is_empty());
     }
 
     #[test]

@@ -81,14 +81,14 @@ fn models_of_colmap_and_errors_of_ours() {
     // Rows by name, wherever they stand.
     let covariance = one(OURS).covariance.unwrap();
     let (fx, fy, k1) = (Parameter::Fx, Parameter::Fy, Parameter::K1);
-    let found = [covariance.variance(fx), covariance.get(fx, k1), covariance.variance(k1), covariance.variance(fy)];
+    let found = [covariance.get(fx, fx), covariance.get(fx, k1), covariance.get(k1, k1), covariance.get(fy, fy)];
     assert_eq!(found, [4.0, 0.1, 0.01, 0.0]);
     let sigmas = OURS.replace(
         r#""covariance": {"parameters": ["fx", "k1"], "matrix": [[4.0, 0.1], [0.1, 0.01]]}"#,
         r#""standard_deviation": {"fx": 2.0, "fy": null, "cx": null, "cy": null, "skew": null, "k1": 0.5, "k2": null}"#,
     );
     let covariance = one(&sigmas).covariance.unwrap();
-    assert_eq!((covariance.variance(fx), covariance.variance(k1), covariance.get(fx, k1)), (4.0, 0.25, 0.0));
+    assert_eq!((covariance.get(fx, fx), covariance.get(k1, k1), covariance.get(fx, k1)), (4.0, 0.25, 0.0));
 }
 
 /// The message says all these words.

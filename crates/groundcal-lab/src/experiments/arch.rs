@@ -6,7 +6,9 @@
 //!            points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{numerics::median, vision::GrayImage};
+use groundcal::vision::GrayImage;
+
+use crate::median::median;
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use crate::experiments::paths::edge_at;

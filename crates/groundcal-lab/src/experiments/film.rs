@@ -141,10 +141,10 @@ fn rectify(setup: &Setup, source: &Pyramid, view: &FloorView) -> Result<Flat, La
     let heading = view.heading();
     let right = Vector2::new(heading.y, -heading.x);
     let side = UNIT_PER_PX * if setup.quick { 2.0 } else { 1.0 };
-    let grid = FloorGrid::covering(&view.seen_floor(source.picture().size(), RANGE_HEIGHTS), &right, side)
+    let grid = FloorGrid::covering(&view.seen_floor(setup.scene.camera.size(), RANGE_HEIGHTS), &right, side)
         .ok_or_else(|| LabError::Other("the floor seen has no extent".into()))?;
     let flat = resample(source, grid.size, |p| view.pixel_from_floor(&grid.floor_from_pixel(p)));
-    let picture = RgbImage8 { size: grid.size, data: flat.picture.into_data() };
+    let picture = RgbImage8 { size: grid.size, data: flat.picture.into() };
     Ok(Flat { grid, grey: picture.to_gray(), picture, coverage: flat.coverage })
 }
 
@@ -152,7 +152,7 @@ impl Flat {
     /// Where a pixel of the frame is on the rectified picture.
     fn place(&self, view: &FloorView, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
         let floor = view.floor_from_pixel(pixel)?;
-        ((floor - view.foot()).norm() < RANGE_HEIGHTS).then(|| self.grid.pixel_from_floor(&floor))
+        ((floor - view.centre().xy()).norm() < RANGE_HEIGHTS).then(|| self.grid.pixel_from_floor(&floor))
     }
 
     fn on_white(&self) -> RgbImage8 {

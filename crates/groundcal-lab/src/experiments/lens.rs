@@ -2,9 +2,7 @@
 //! one parameter, minimised or in closed form, or with the lens that groundcal finds.
 
 use groundcal::{
-    Error,
-    calibrate::{Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches},
-    pairs::ImagePair,
+    Error, Method, MotionModel, Options, RadialCorrection, Silent, calibrate_matches, pairs::ImagePair,
     start::Constraint,
 };
 

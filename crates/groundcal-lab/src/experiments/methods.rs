@@ -6,14 +6,14 @@
 //! - *groundcal*: the program's own, from the pictures or the matches.
 
 use groundcal::{
-    Error, Remedy,
-    calibrate::{Options, Silent, calibrate_matched_images},
+    Error, Options, Remedy, Silent, calibrate_matched_images,
     geometry::{Frame, Intrinsics},
-    pairs::{HomographyEstimate, ImagePair, PlacedLens, PointMatch, estimate_robust, shows_turn},
+    pairs::{HomographyEstimate, ImagePair, PointMatch, robust_homography, shows_turn},
     result::{Calibration, Parameter},
     start::{Constraint, rotating_camera, unweighted_camera_with_covariance},
-    vision::{GrayImage, detect, match_features},
+    vision::GrayImage,
 };
+use nalgebra::Vector2;
 use rayon::prelude::*;
 
 /// A number of the camera: its error against truth and the stated standard deviation, both in per cent.
@@ -42,7 +42,10 @@ impl Scores {
         constraint: Constraint,
         covariance: impl Fn(usize, usize) -> f64,
     ) -> Self {
-        let free = constraint.free();
+        // What the constraint leaves free besides the focal length.
+        use Constraint::{FixedPrincipalPoint, Focal, Square};
+        let [aspect_free, centre_free] =
+            [!matches!(constraint, Square | Focal), !matches!(constraint, FixedPrincipalPoint | Focal)];
         // Not a number: an error without bound times zero.
         let root = |v: f64| if v.is_nan() { f64::INFINITY } else { 100.0 * v.max(0.0).sqrt() };
         let aspect_variance =
@@ -51,17 +54,19 @@ impl Scores {
             focal: Score { error: 100.0 * (k.fx / truth.fx - 1.0), sd: Some(root(covariance(0, 0)) / k.fx) },
             aspect: Score {
                 error: 100.0 * ((k.fy / k.fx) / (truth.fy / truth.fx) - 1.0),
-                sd: free[1].then(|| root(aspect_variance)),
+                sd: aspect_free.then(|| root(aspect_variance)),
             },
             principal_point: Score {
                 error: 100.0 * (k.cx - truth.cx).hypot(k.cy - truth.cy) / truth.fx,
-                sd: free[2].then(|| root(covariance(2, 2) + covariance(3, 3)) / k.fx),
+                sd: centre_free.then(|| root(covariance(2, 2) + covariance(3, 3)) / k.fx),
             },
         }
     }
 
     pub(crate) fn of_calibration(truth: &Intrinsics, c: &Calibration, constraint: Constraint) -> Self {
-        Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| c.covariance(Parameter::ALL[i], Parameter::ALL[j]))
+        Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| {
+            c.covariance.get(Parameter::ALL[i], Parameter::ALL[j])
+        })
     }
 }
 
@@ -74,35 +79,19 @@ pub(crate) struct Measured {
     pub(crate) matches: [usize; 2],
 }
 
-/// Matched features of the motions.
-pub(crate) fn match_pairs(images: &[GrayImage], pairs: &[(usize, usize)], options: &Options) -> Vec<ImagePair> {
-    let features: Vec<_> = images.par_iter().map(|i| detect(i, &options.features)).collect();
-    pairs
-        .par_iter()
-        .map(|&(from, to)| {
-            let matches = match_features(&features[from], &features[to], &options.matching);
-            ImagePair { from, to, matches }
-        })
-        .collect()
-}
-
 /// Robust homographies of matches, and those of them that show a turn above their noise.
 ///
 /// # Errors
 /// That of the first motion without a homography; [`Error::NoUsableMotion`] when none shows a turn.
 pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> Result<Measured, Error> {
-    let all: Vec<(HomographyEstimate, usize)> = pairs
+    let all: Vec<HomographyEstimate> = pairs
         .par_iter()
         .enumerate()
-        .map(|(i, pair)| {
-            let mut robust = options.robust;
-            robust.ransac.seed = options.seed ^ i as u64;
-            let found = estimate_robust(&pair.matches, &frame, &robust)?;
-            Ok((found.estimate, found.inliers.len()))
-        })
+        .map(|(i, pair)| robust_homography(&pair.matches, &frame, &options.robust, options.seed ^ i as u64))
         .collect::<Result<_, Error>>()?;
     let mut out = Measured { homographies: Vec::new(), motions: Vec::new(), matches: [usize::MAX, 0] };
-    for (homography, matches) in all {
+    for homography in all {
+        let matches = homography.matches;
         out.motions.extend(Some(&homography).filter(|h| shows_turn(h)).cloned());
         out.homographies.push(homography);
         out.matches = [out.matches[0].min(matches), out.matches[1].max(matches)];
@@ -150,10 +139,20 @@ pub(crate) fn groundcal(
     Ok((Scores::of_calibration(truth, &c, options.constraint), c))
 }
 
-/// Matches as a camera without distortion would have seen them.
+/// Matches as a camera without distortion would have seen them, their deviations magnified as the lens is undone.
 pub(crate) fn undistorted(pairs: &[ImagePair], c: &Calibration) -> Vec<ImagePair> {
-    let lens = PlacedLens { lens: c.camera.model().lens, intrinsics: c.camera.intrinsics() };
-    let undone = |m: &PointMatch| lens.ideal_match(m);
+    let camera = c.camera.model();
+    let k = &camera.intrinsics;
+    let ideal = |p: &Vector2<f64>| Some(k.pixel_from_normalised(&camera.lens.undistort(&k.normalised_from_pixel(p))?));
+    let magnification = |p: &Vector2<f64>| {
+        let by = |half: Vector2<f64>| Some(ideal(&(p + half))? - ideal(&(p - half))?);
+        let [x, y] = [by(Vector2::new(0.5, 0.0))?, by(Vector2::new(0.0, 0.5))?];
+        Some(x.perp(&y).abs().sqrt())
+    };
+    let undone = |m: &PointMatch| {
+        let magnified = 0.5 * (magnification(&m.a)? + magnification(&m.b)?);
+        Some(PointMatch { a: ideal(&m.a)?, b: ideal(&m.b)?, sigma_px: m.sigma_px * magnified })
+    };
     pairs.iter().map(|p| ImagePair { matches: p.matches.iter().filter_map(undone).collect(), ..*p }).collect()
 }
 

@@ -4,11 +4,7 @@
 use std::fmt::Write;
 
 use groundcal::{
-    Error,
-    calibrate::{LensModel, Options, Silent, calibrate_matches},
-    geometry::Frame,
-    pairs::ImagePair,
-    start::Constraint,
+    Error, LensModel, Options, Silent, calibrate_matches, geometry::Frame, pairs::ImagePair, start::Constraint,
 };
 use rayon::prelude::*;
 
@@ -200,7 +196,7 @@ fn summary(cases: &[Case], draws: &[Draw]) -> String {
         "constraint", "method", "lower quartile", "median", "upper quartile", "no camera", "within 2 stated sd, %"
     );
     for (i, case) in cases.iter().enumerate() {
-        let name = format!("{}{}", case.constraint.name(), if case.told_centre { "*" } else { "" });
+        let name = format!("{}{}", case.constraint, if case.told_centre { "*" } else { "" });
         let found: Vec<&Scores> = draws.iter().filter_map(|d| d[i].as_ref().ok()).collect();
         // Without a camera the error counts as infinite.
         let mut errors: Vec<f64> =
@@ -232,7 +228,7 @@ fn draws_table(cases: &[Case], draws: &[Draw]) -> Result<Vec<u8>, LabError> {
                 Ok(s) => (six_digits(s.focal.error), s.focal.sd.map_or(String::new(), six_digits), String::new()),
                 Err(e) => (String::new(), String::new(), e.to_string()),
             };
-            let of_case = [constraint.name().into(), method.to_string(), told_centre.to_string()];
+            let of_case = [constraint.to_string(), method.to_string(), told_centre.to_string()];
             records.push([i.to_string()].into_iter().chain(of_case).chain([error, sd, refused]).collect());
         }
     }

@@ -5,7 +5,9 @@
 //! line:                              total least squares; points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::{numerics::median, vision::GrayImage};
+use groundcal::vision::GrayImage;
+
+use crate::median::median;
 use nalgebra::{Matrix2, Vector2};
 
 /// How far an edge is looked for on either side of where it is expected, and the step, pixels.
@@ -58,7 +60,8 @@ pub(crate) fn edge_at(picture: &GrayImage, p: &Vector2<f64>, normal: &Vector2<f6
 /// Grey value between pixels; `None` outside, and where there is no picture (0, as a rectified one has beside it).
 fn bilinear(picture: &GrayImage, p: &Vector2<f64>) -> Option<f64> {
     let (x, y) = (p.x.floor(), p.y.floor());
-    let inside = x >= 0.0 && y >= 0.0 && x + 1.0 < picture.width() as f64 && y + 1.0 < picture.height() as f64;
+    let inside =
+        x >= 0.0 && y >= 0.0 && x + 1.0 < picture.size().width as f64 && y + 1.0 < picture.size().height as f64;
     if !inside {
         return None;
     }

@@ -14,13 +14,13 @@ use std::{
 };
 
 use groundcal::{
-    Error,
-    calibrate::{Method, MotionModel, Options, Silent, calibrate_images, calibrate_matches},
+    Error, Method, MotionModel, Options, Silent, calibrate_images, calibrate_matches,
     geometry::{ImageSize, Intrinsics},
+    match_images,
     pairs::ImagePair,
     result::Calibration,
     start::Constraint,
-    vision::{GrayImage, still_parts},
+    vision::GrayImage,
 };
 use groundcal_io::{
     images::read_images, import::read_camera, inputs::find_images, matches::read_pairs, names::image_names,
@@ -167,7 +167,7 @@ fn of_set(set: &Set, folder: &Path, asked: &ExperimentOptions) -> Result<(String
         Pairs::Named => named(Method::Joint, constraint),
         Pairs::Ring => Options { constraint, seed: asked.seed, ..Options::default() },
     };
-    let matched = matched(&real);
+    let matched = match_images(&real.images, &real.pairs, &Options::default(), &Silent);
     let of_matches = |options: &Options, pairs: &[ImagePair]| {
         calibrate_matches(&real.names, real.size, pairs, options, &Silent).map(|c| real.scores(&c, options.constraint))
     };
@@ -197,11 +197,4 @@ impl Real {
     fn scores(&self, c: &Calibration, constraint: Constraint) -> Scores {
         Scores::of_calibration(&self.truth, c, constraint)
     }
-}
-
-/// Matched features of what moves.
-fn matched(real: &Real) -> Result<Vec<ImagePair>, Error> {
-    let still = still_parts(&real.images, &Silent)?;
-    let moving = still.map(|still| still.set_aside(&real.images)).transpose()?;
-    Ok(methods::match_pairs(moving.as_ref().unwrap_or(&real.images), &real.pairs, &Options::default()))
 }

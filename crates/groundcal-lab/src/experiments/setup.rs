@@ -3,9 +3,9 @@
 use std::{fmt::Write, path::Path};
 
 use groundcal::{
-    Error,
-    calibrate::{MotionModel, Options},
+    Error, MotionModel, Options, Silent,
     geometry::{Frame, Intrinsics},
+    match_images,
     pairs::ImagePair,
     result::Calibration,
     start::Constraint,
@@ -170,7 +170,7 @@ impl<'a> Setup<'a> {
         let folder = Path::new(self.name);
         let read = |r: &Rendered| read_image_bytes(&folder.join(&r.file), &r.bytes);
         let images = rendered.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-        let matched = methods::match_pairs(&images, pairs, &Options::default());
+        let matched = match_images(&images, pairs, &Options::default(), &Silent)?;
         let inside = |r: &Rendered| self.picture_file(&r.file, r.bytes.clone());
         let mut files: Vec<OutputFile> = rendered.iter().map(inside).collect();
         files.push(self.picture_file(TRUTH, truth_json(&self.scene)?.into_bytes()));

@@ -105,7 +105,7 @@ fn summary(w: &mut String, rankings: &[Ranking]) -> std::fmt::Result {
         writeln!(
             w,
             "{:<11}{:>3}{:>9}{:>11}{:>9}{:>9}{:>11}{:>13}{:>11}{:>12.2}",
-            r.minimal.0.name(),
+            r.minimal.0,
             r.minimal.1,
             r.subsets.len(),
             r.subsets.len() - errors.len(),
@@ -132,7 +132,7 @@ fn csv(name: &str, rankings: &[Ranking]) -> Result<Vec<u8>, LabError> {
             let sd = error.map_or(String::new(), |_| six_digits(100.0 * subset.predicted_sigma()));
             records.push(vec![
                 name.to_string(),
-                r.minimal.0.name().to_string(),
+                r.minimal.0.to_string(),
                 motions.join(" "),
                 (rank + 1).to_string(),
                 sd,
@@ -159,7 +159,7 @@ fn figure(name: &str, rankings: &[Ranking]) -> Figure {
         .map(|r| {
             let (predicted, errors) = r.pairs();
             let all = r.subsets.len();
-            let (constraint, size) = (r.minimal.0.name(), r.minimal.1);
+            let (constraint, size) = (r.minimal.0, r.minimal.1);
             Panel {
                 title: format!("{constraint}, {size} motion{} of {}", if size == 1 { "" } else { "s" }, motions(r)),
                 curves: vec![

@@ -25,7 +25,7 @@ pub(crate) struct Line {
 impl Line {
     /// The constraint, with an asterisk where the principal point was told.
     fn label(&self) -> String {
-        format!("{}{}", self.constraint.name(), if self.told_centre { "*" } else { "" })
+        format!("{}{}", self.constraint, if self.told_centre { "*" } else { "" })
     }
 }
 
@@ -52,7 +52,7 @@ pub(crate) fn csv(experiment: &str, lines: &[Line]) -> Result<Vec<u8>, LabError>
         let mut record = vec![
             experiment.to_string(),
             line.input.to_string(),
-            line.constraint.name().to_string(),
+            line.constraint.to_string(),
             line.told_centre.to_string(),
             line.method.to_string(),
             line.motions.to_string(),

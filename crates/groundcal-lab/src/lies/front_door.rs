@@ -3,7 +3,7 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_images, calibrate_matches},
+    Options, Silent, calibrate_images, calibrate_matches,
     geometry::ImageSize,
     result::{Calibration, ResidualReport},
 };
@@ -39,10 +39,10 @@ pub(crate) struct Answer {
     /// Their variance over that of single homographies; the largest likewise.
     pub(crate) variance_factor: Option<f64>,
     /// What the program itself says of it: level, and codes of the reasons.
-    pub(crate) level: &'static str,
+    pub(crate) level: String,
     pub(crate) reasons: Vec<String>,
     /// Priors that rule a number: posterior over prior deviation.
-    pub(crate) priors: Vec<(&'static str, f64)>,
+    pub(crate) priors: Vec<(String, f64)>,
 }
 
 /// Makes the matches or pictures of a scene and calibrates from them.
@@ -91,8 +91,8 @@ fn answer(c: &Calibration) -> Answer {
         converged: c.fit.refinement.map(|r| r.converged),
         design_effect: largest(&|r| r.design_effect),
         variance_factor: largest(&|r| r.variance_factor),
-        level: c.verdict.as_ref().map_or("", |v| v.level.name()),
+        level: c.verdict.as_ref().map_or(String::new(), |v| v.level.to_string()),
         reasons: c.verdict.iter().flat_map(|v| &v.reasons).map(|r| r.code.clone()).collect(),
-        priors: c.priors.iter().map(|p| (p.parameter.name(), p.posterior_over_prior)).collect(),
+        priors: c.priors.iter().map(|p| (p.parameter.to_string(), p.posterior_over_prior)).collect(),
     }
 }

@@ -142,9 +142,9 @@ impl SceneRecord {
         self.scene = answer.scene.to_string();
         self.converged = answer.converged;
         (self.design_effect, self.variance_factor) = (answer.design_effect, answer.variance_factor);
-        self.level = answer.level.to_string();
+        self.level = answer.level.clone();
         self.reasons.clone_from(&answer.reasons);
-        self.priors = answer.priors.iter().map(|(name, ratio)| (name.to_string(), *ratio)).collect();
+        self.priors = answer.priors.clone();
     }
 
     /// The largest of the errors in deviations.

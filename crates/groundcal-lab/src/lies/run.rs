@@ -95,7 +95,7 @@ pub fn export(family: &Family, seed: u64, index: usize, folder: &Path) -> Result
         Medium::Pictures => {
             for (name, picture) in names.iter().zip(pictures(&scene)) {
                 let bytes: Vec<u8> = picture.data().iter().map(|v| (v * 255.0).round() as u8).collect();
-                let (width, height) = (picture.width() as u32, picture.height() as u32);
+                let (width, height) = (picture.size().width as u32, picture.size().height as u32);
                 let path = folder.join(format!("{name}.png"));
                 save_buffer_with_format(path, &bytes, width, height, ExtendedColorType::L8, ImageFormat::Png)?;
             }

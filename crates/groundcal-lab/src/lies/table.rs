@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use groundcal::numerics::median;
+use crate::median::median;
 
 use crate::lies::{
     kind::Kind,

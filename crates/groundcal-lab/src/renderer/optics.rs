@@ -1,8 +1,8 @@
 //! The rays of a pixel's samples: one inversion of the lens model a pixel where the lens allows it, one a sample else.
 
-use nalgebra::{Matrix2, Vector2, Vector3};
+use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 
-use groundcal::geometry::{Camera, Intrinsics, Lens, Radtan};
+use groundcal::geometry::{Camera, Intrinsics, Lens};
 
 /// A camera, prepared for many pixels.
 #[derive(Debug, Clone)]
@@ -12,7 +12,7 @@ pub(super) enum Optics {
         /// Camera matrix.
         intrinsics: Intrinsics,
         /// Lens.
-        radtan: Radtan,
+        lens: Lens,
     },
     /// Rays of unit length, in any direction.
     Wide(Camera),
@@ -33,33 +33,32 @@ impl Optics {
     pub(super) fn new(camera: &Camera) -> Self {
         let intrinsics = camera.intrinsics;
         match camera.lens {
-            Lens::None => Self::Flat { intrinsics, radtan: Radtan::default() },
-            Lens::Radtan(radtan) => Self::Flat { intrinsics, radtan },
+            lens @ (Lens::None | Lens::Radtan(_)) => Self::Flat { intrinsics, lens },
             _ => Self::Wide(*camera),
         }
     }
 
     /// Whether rays (x, y, 1) are linear in the pixel.
     pub(super) fn is_straight(&self) -> bool {
-        matches!(self, Self::Flat { radtan, .. } if radtan.is_none())
+        matches!(self, Self::Flat { lens, .. } if lens.is_none())
     }
 
     /// At a pixel's centre; `None` where the lens model gives no ray.
     pub(super) fn middle(&self, x: f64, y: f64) -> Option<Middle> {
         let pixel = Vector2::new(x, y);
         match self {
-            Self::Flat { intrinsics: k, radtan } => {
-                let ideal = radtan.undistort(&k.normalised_from_pixel(&pixel))?;
+            Self::Flat { intrinsics: k, lens } => {
+                let ideal = lens.undistort(&k.normalised_from_pixel(&pixel))?;
                 let per_pixel = Matrix2::new(1.0 / k.fx, -k.skew / (k.fx * k.fy), 0.0, 1.0 / k.fy);
                 let ideal_from_distorted =
-                    if radtan.is_none() { Matrix2::identity() } else { radtan.jacobian(&ideal).try_inverse()? };
+                    if lens.is_none() { Matrix2::identity() } else { slope(lens, &ideal)?.try_inverse()? };
                 let ideal_from_pixel = ideal_from_distorted * per_pixel;
                 let per_pixel = [0, 1].map(|j| ideal_from_pixel.column(j).push(0.0));
                 Some(Middle { ray: ideal.push(1.0), per_pixel, ideal_from_distorted })
             }
             Self::Wide(camera) => {
                 let ray = camera.unproject(&pixel)?;
-                let by_ray = camera.project_with_jacobians(&ray)?.by_point;
+                let by_ray = pixel_by_ray(camera, &ray)?;
                 // Of the directions' changes that move the pixel so, those across the ray.
                 let across = by_ray.transpose() * (by_ray * by_ray.transpose()).try_inverse()?;
                 let per_pixel = [0, 1].map(|j| across.column(j).into_owned());
@@ -72,20 +71,46 @@ impl Optics {
     /// where they do not, the lens model is inverted in full.
     pub(super) fn near(&self, middle: &Middle, pixel: [f64; 2], offset: [f64; 2]) -> Option<Vector3<f64>> {
         let at = Vector2::new(pixel[0] + offset[0], pixel[1] + offset[1]);
-        let (k, radtan) = match self {
-            Self::Flat { intrinsics, radtan } => (intrinsics, radtan),
+        let (k, lens) = match self {
+            Self::Flat { intrinsics, lens } => (intrinsics, lens),
             Self::Wide(camera) => return camera.unproject(&at),
         };
         let distorted = k.normalised_from_pixel(&at);
         let mut p = middle.ray.xy() + middle.per_pixel[0].xy() * offset[0] + middle.per_pixel[1].xy() * offset[1];
         let mut step = 0.0;
         for _ in 0..2 {
-            let correction = middle.ideal_from_distorted * (radtan.polynomial(&p) - distorted);
+            let Some(there) = lens.project(&p.push(1.0)) else {
+                // Beyond the fold.
+                step = f64::INFINITY;
+                break;
+            };
+            let correction = middle.ideal_from_distorted * (there - distorted);
             p -= correction;
             step = correction.norm_squared();
         }
         // The steps shrink by a factor of a thousand or so; the last one bounds what is left.
-        let ideal = if step < 1e-18 { p } else { radtan.undistort(&distorted)? };
+        let ideal = if step < 1e-18 { p } else { lens.undistort(&distorted)? };
         Some(ideal.push(1.0))
     }
+}
+
+/// How far a ray is moved for a difference: of the derivative ten digits are right.
+const STEP: f64 = 1e-5;
+
+/// Derivative of the distorted by the ideal point.
+fn slope(lens: &Lens, ideal: &Vector2<f64>) -> Option<Matrix2<f64>> {
+    let by = |axis: Vector2<f64>| {
+        let at = |step: f64| lens.project(&(ideal + axis * step).push(1.0));
+        Some((at(STEP)? - at(-STEP)?) / (2.0 * STEP))
+    };
+    Some(Matrix2::from_columns(&[by(Vector2::x())?, by(Vector2::y())?]))
+}
+
+/// Derivative of the pixel by a ray of unit length.
+fn pixel_by_ray(camera: &Camera, ray: &Vector3<f64>) -> Option<Matrix2x3<f64>> {
+    let by = |axis: Vector3<f64>| {
+        let at = |step: f64| camera.project(&(ray + axis * step));
+        Some((at(STEP)? - at(-STEP)?) / (2.0 * STEP))
+    };
+    Some(Matrix2x3::from_columns(&[by(Vector3::x())?, by(Vector3::y())?, by(Vector3::z())?]))
 }

@@ -515,7 +515,7 @@ mod tests {
 
     fn bilinear(image: &GrayImage, p: &Vector2<f64>) -> Option<f64> {
         let (x, y) = (p.x.floor(), p.y.floor());
-        if !(x >= 0.0 && y >= 0.0 && x + 1.0 < image.width() as f64 && y + 1.0 < image.height() as f64) {
+        if !(x >= 0.0 && y >= 0.0 && x + 1.0 < image.size().width as f64 && y + 1.0 < image.size().height as f64) {
             return None;
         }
         let (u, v) = (p.x - x, p.y - y);
@@ -539,7 +539,7 @@ mod tests {
     /// Maps a distorted pixel of view a to the distorted pixel of view b by the floor's homography.
     fn transfer(scene: &Scene, h: &Matrix3<f64>, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let (camera, k) = (scene.camera.model(), scene.camera.intrinsics());
-        camera.project(&(k.inverse_matrix() * (h * (k.matrix() * camera.unproject(p)?))))
+        camera.project(&(k.matrix().try_inverse()? * (h * (k.matrix() * camera.unproject(p)?))))
     }
 
     /// Median correlation of patches, and mean and root mean square of their shift from the truth in pixels.
@@ -548,8 +548,8 @@ mod tests {
         let (a, b) = (renderer.render(0).unwrap().to_gray(), renderer.render(1).unwrap().to_gray());
         let h = scene.h_b_from_a(0, 1).unwrap();
         let (mut peaks, mut shifts) = (Vec::new(), Vec::new());
-        for cy in (20..a.height() - 20).step_by(16) {
-            for cx in (20..a.width() - 20).step_by(16) {
+        for cy in (20..a.size().height - 20).step_by(16) {
+            for cx in (20..a.size().width - 20).step_by(16) {
                 let patch = |sx: f64, sy: f64| -> Option<f64> {
                     let (mut va, mut vb) = (Vec::new(), Vec::new());
                     for dy in -8..=8_i32 {
@@ -637,8 +637,8 @@ mod tests {
             for at in places {
                 let expected = scene.pixel_from_world(1, &Vector3::new(at[0], at[1], 0.0)).unwrap().unwrap();
                 let (mut weight, mut sum) = (0.0, Vector2::zeros());
-                for y in 0..marked.height() {
-                    for x in 0..marked.width() {
+                for y in 0..marked.size().height {
+                    for x in 0..marked.size().width {
                         let p = Vector2::new(x as f64, y as f64);
                         let w = f64::from((clean.get(x, y) - marked.get(x, y)).abs());
                         if w > 0.02 && (p - expected).norm() < 6.0 {

@@ -5,7 +5,7 @@
 //! them are the nominal ones of the other studies (15 degrees about an axis 0.2 m away, three attitudes or more), two pictures each.
 
 use groundcal::{
-    calibrate::{LensModel, MotionModel, Options, Silent, calibrate_matches},
+    LensModel, MotionModel, Options, Silent, calibrate_matches,
     geometry::{Constraint, ImageSize, Intrinsics},
     pairs::ImagePair,
     synthetic::{MotionSpec, PlaneViewScene, PointScene, plane_views_bound},

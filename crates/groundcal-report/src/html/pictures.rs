@@ -41,10 +41,11 @@ pub(crate) struct Pictures {
 
 /// Makes the pictures and notes in the motions how well the overlays fit.
 pub(crate) fn pictures(images: &[GrayImage], e: &Evidence, motions: &mut [Motion]) -> Result<Pictures, ReportError> {
-    let pyramids: Vec<Pyramid> = images.par_iter().map(pyramid).collect::<Result<_, _>>()?;
+    let rasters: Vec<Raster> = images.par_iter().map(raster).collect::<Result<_, _>>()?;
     let shrink = (THUMBNAILS / images.len().max(1) as f64).sqrt().min(1.0);
     let side = (THUMBNAIL_PX * shrink).max(MIN_THUMBNAIL_PX);
-    let thumbnails = pyramids.par_iter().map(|p| thumbnail(p, side)).collect::<Result<_, _>>()?;
+    let thumbnails = rasters.par_iter().map(|r| thumbnail(r, side)).collect::<Result<_, _>>()?;
+    let pyramids: Vec<Pyramid> = rasters.into_par_iter().map(Pyramid::new).collect();
     let overlays = motions
         .par_iter_mut()
         .enumerate()
@@ -64,18 +65,17 @@ fn bytes_of(image: &GrayImage) -> Vec<u8> {
     image.data().iter().map(|v| (255.0 * v + 0.5) as u8).collect()
 }
 
-fn pyramid(image: &GrayImage) -> Result<Pyramid, ReportError> {
-    let raster = Raster::from_rows(image.size(), 1, bytes_of(image))
-        .ok_or_else(|| ReportError("an empty image cannot be shown in the report".into()))?;
-    Ok(Pyramid::new(raster))
+fn raster(image: &GrayImage) -> Result<Raster, ReportError> {
+    Raster::from_rows(image.size(), 1, bytes_of(image))
+        .ok_or_else(|| ReportError("an empty image cannot be shown in the report".into()))
 }
 
-fn thumbnail(source: &Pyramid, side: f64) -> Result<Picture, ReportError> {
-    let (raster, full) = (source.picture(), source.picture().size());
+fn thumbnail(source: &Raster, side: f64) -> Result<Picture, ReportError> {
+    let full = source.size();
     let scale = (full.width.max(full.height) as f64 / side).max(1.0);
     let reduced = |length: usize| ((length as f64 / scale).round() as usize).max(1);
     let size = ImageSize::new(reduced(full.width), reduced(full.height));
-    let whole = ImageBuffer::<Luma<u8>, &[u8]>::from_raw(pixels(full.width), pixels(full.height), raster.data())
+    let whole = ImageBuffer::<Luma<u8>, &[u8]>::from_raw(pixels(full.width), pixels(full.height), source.data())
         .ok_or_else(|| ReportError("an empty image cannot be shown in the report".into()))?;
     let small = thumbnail_of(&whole, pixels(size.width), pixels(size.height));
     jpeg(small.as_raw(), size)

@@ -10,8 +10,8 @@ use crate::{
     ids::{ImageId, PairId, ViewId},
     numerics::statistics::chi_squared_survival,
     pairs::{known_lens::KnownLens, observation::PairObservation, placed_lens::PlacedLens},
-    result::{Parameter, PrincipalPointDoubt, Warning},
-    start::linear_camera::{CameraSolution, PRIOR_DECIDES, PriorUse},
+    result::{Parameter, PrincipalPointDoubt, Prior, Warning},
+    start::linear_camera::{CameraSolution, PRIOR_DECIDES},
 };
 
 /// Standard deviation of fx, in percent, from which on its interval is only roughly one.
@@ -170,7 +170,7 @@ fn disagreement(solved: &Solved) -> Option<Warning> {
 }
 
 fn deciding_priors(solved: &Solved) -> impl Iterator<Item = Warning> {
-    let decides = |p: &&PriorUse| WARNED_PRIORS.contains(&p.parameter) && p.posterior_over_prior > PRIOR_DECIDES;
+    let decides = |p: &&Prior| WARNED_PRIORS.contains(&p.parameter) && p.posterior_over_prior > PRIOR_DECIDES;
     solved.solution.priors.iter().filter(decides).map(|prior| Warning::PriorDecides {
         parameter: prior.parameter,
         posterior_over_prior: prior.posterior_over_prior,

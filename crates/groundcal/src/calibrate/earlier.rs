@@ -21,11 +21,11 @@ use crate::{
 pub fn priors_of(earlier: &Calibration, size: ImageSize) -> Result<Vec<GivenPrior>, Error> {
     let wrong = |what: String| Err(Error::InvalidOption(format!("an earlier calibration as prior: {what}")));
     let before = earlier.camera.size();
-    if !size.has_shape_of(before) {
+    let Some(camera) = earlier.camera.model().scaled_to(size) else {
         return wrong(format!(
             "its images have {before} pixels, these {size}: another shape, so they are not the same picture at another size"
         ));
-    }
+    };
     if !matches!(earlier.camera.lens(), Lens::None | Lens::Radtan(_)) {
         return wrong(format!("its lens is {}; give it as a known lens", earlier.camera.lens().name()));
     }
@@ -53,7 +53,6 @@ pub fn priors_of(earlier: &Calibration, size: ImageSize) -> Result<Vec<GivenPrio
         if scale > 0.0 { covariance[(r, c)] / scale } else { f64::from(u8::from(r == c)) }
     });
     let largest = symmetric_eigen(&correlation).map_or(n as f64, |(values, _)| values.max());
-    let camera = earlier.camera.model().scaled_to(size);
     let pixels = size.width as f64 / before.width as f64;
     let prior = |(i, p): (usize, &Parameter)| {
         let (mean, unit) = match p {

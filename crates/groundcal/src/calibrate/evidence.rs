@@ -72,7 +72,6 @@ fn observations(joint: &JointSolution, frame: &Frame) -> Vec<ObservationEvidence
     let b = &joint.bundle;
     let projector = Projector::new(&b.state.cameras[0]);
     let poses: Vec<Pose> = b.state.frames.iter().map(|v| Pose::new(b.scene, &b.state.groups[v.group], v)).collect();
-    let huber = HUBER_SIGMAS;
     let mut all = Vec::with_capacity(b.counts[0]);
     for (t, track) in joint.tracks.iter().enumerate() {
         let n = track.observations.len() as f64;
@@ -87,9 +86,9 @@ fn observations(joint: &JointSolution, frame: &Frame) -> Vec<ObservationEvidence
                 track: t,
                 patch: track.kind == Kind::Patch,
                 pixel: o.pixel.into(),
-                residual_px: (o.pixel - frame.to_pixel(&predicted)).into(),
+                residual_px: (o.pixel - frame.pixel(&predicted)).into(),
                 standardised_residual,
-                downweighted: standardised_residual > huber,
+                weight: if standardised_residual > HUBER_SIGMAS { HUBER_SIGMAS / standardised_residual } else { 1.0 },
             });
         }
     }

@@ -11,8 +11,8 @@ use crate::{
         Bundle, BundleOptions, CameraEstimate, CameraUnknowns, GroupEstimate, JointCovariance, Kind, Track,
         ViewEstimate, blocks::MATRIX, bundle::pixels_by_camera, disagreement,
     },
-    result::{Covariance, Parameter, Refinement, ResidualReport, ViewParameter},
-    start::linear_camera::{CameraSolution, PriorParameter, PriorUse},
+    result::{Covariance, Parameter, Prior, Refinement, ResidualReport, ViewParameter},
+    start::linear_camera::{CameraSolution, PriorParameter},
 };
 
 /// Pairs of views of different attitudes with a common plane: whether it can be the floor of both.
@@ -189,13 +189,13 @@ impl JointSolution {
             let index = PriorParameter::ALL.iter().position(|n| *n == p.parameter);
             let known = index.and_then(|i| Some(ratio(i, unknowns.prior(i)?.1)));
             let conflict = index.and_then(|i| self.prior_conflict(unknowns, i));
-            PriorUse { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), conflict, ..p }
+            Prior { posterior_over_prior: known.unwrap_or(p.posterior_over_prior), conflict, ..p }
         });
         let of_lens = Parameter::ALL.into_iter().filter(|p| p.is_of_lens()).filter_map(|p| {
             let place = state.place(p)?;
             let (mean, sigma) = unknowns.prior(place)?;
             let conflict = self.prior_conflict(unknowns, place);
-            Some(PriorUse { parameter: p.prior(), mean, sigma, posterior_over_prior: ratio(place, sigma), conflict })
+            Some(Prior { parameter: p.prior(), mean, sigma, posterior_over_prior: ratio(place, sigma), conflict })
         });
         let priors = of_camera.chain(of_lens).collect();
         let mut estimated = start.estimated;

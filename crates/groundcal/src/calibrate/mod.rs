@@ -56,11 +56,34 @@ use crate::{
     vision::{features::FeatureOptions, image::GrayImage},
 };
 
-pub use crate::observer::Observer;
-pub use crate::observer::Silent;
-pub use crate::observer::Stage;
+pub(crate) use crate::observer::Observer;
+pub(crate) use crate::observer::Silent;
 pub use crate::pairs::pair_lens::RadialCorrection;
-pub use options::{FeatureDensity, HomographyFit, LensModel, Method, MotionModel, Options};
+pub use options::{FeatureDensity, HomographyFit, LensModel, MotionModel, Options};
+
+/// Matches of the features of pairs of images, as [`calibrate_images`] finds them: to look at, or to be joined with matches of your own. What
+/// stands still in all images is set aside before, and the observer hears of it.
+///
+/// # Errors
+/// [`Error::InvalidOption`] for pairs that do not name two of the images; [`Error::Stopped`].
+///
+/// # Examples
+/// ```
+/// use groundcal::{GrayImage, ImageSize, Options, Silent, match_images};
+/// // Pictures without texture have no features.
+/// let images = vec![GrayImage::filled(ImageSize::new(320, 240), 0.5); 2];
+/// let pairs = match_images(&images, &[(0, 1)], &Options::default(), &Silent)?;
+/// assert_eq!((pairs[0].from, pairs[0].to, pairs[0].matches.len()), (0, 1, 0));
+/// # Ok::<(), groundcal::Error>(())
+/// ```
+pub fn match_images(
+    images: &[GrayImage],
+    pairs: &[(usize, usize)],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Vec<ImagePair>, Error> {
+    source::matches_of_images(images, pairs, options, observer)
+}
 
 /// Calibrates from photographs of the floor, all of one size, by one camera at one zoom. What stands still in all of them is set aside
 /// before (see `still`); the observer hears of it, and the calibration has it among its warnings.
@@ -87,15 +110,15 @@ pub fn calibrate_images(
     let with =
         |features: &FeatureOptions| driver::run(prepared.matched(features, options, observer)?, options, observer);
     if options.feature_density == FeatureDensity::Dense || !options.has_patches() {
-        return with(&options.features);
+        return with(&options.features());
     }
-    let first = with(&options.features.coarse());
+    let first = with(&options.features().coarse());
     let suffices =
         |answer: &Calibration| is_carried_by_patches(answer) && answer.views.len() >= prepared.images_expected();
     if matches!(first, Err(Error::Stopped)) || first.as_ref().is_ok_and(suffices) {
         return first;
     }
-    match (with(&options.features), first) {
+    match (with(&options.features()), first) {
         (Err(error), Ok(_)) if error == Error::Stopped => Err(error),
         (Err(_), Ok(first)) => Ok(first),
         (dense, _) => dense,
@@ -166,14 +189,14 @@ pub fn calibrate_matches(
 ///
 /// # Examples
 /// ```
-/// use groundcal::{HomographyEstimate, Options, calibrate_homographies, geometry::{Frame, HomographyCovariance}, synthetic::PointScene};
+/// use groundcal::{HomographyEstimate, Options, calibrate_homographies, geometry::Frame, synthetic::PointScene};
 /// let scene = PointScene::nominal(0);
 /// let frame = Frame::new(scene.size, None);
-/// // 1e-4 in each entry of the unit-norm matrix in frame coordinates.
-/// let covariance = HomographyCovariance::from_diagonal_element(1e-8);
-/// let homographies: Vec<_> = (0..scene.motions.len())
-///     .filter_map(|i| Some((2 * i, 2 * i + 1, HomographyEstimate::from_parts(scene.homography(i)?, covariance, frame, 200))))
-///     .collect();
+/// let homography = |i: usize| {
+///     let h = scene.homography(i)?;
+///     Some((2 * i, 2 * i + 1, HomographyEstimate::from_pixels(&h.into(), None, frame, 200).ok()?))
+/// };
+/// let homographies: Vec<_> = (0..scene.motions.len()).filter_map(homography).collect();
 /// let names: Vec<String> = (0..2 * homographies.len()).map(|i| format!("view {i}")).collect();
 /// let options = Options { attitude_sigma_deg: Some(0.0), ..Options::default() };
 /// let calibration = calibrate_homographies(&names, scene.size, &homographies, &options)?;

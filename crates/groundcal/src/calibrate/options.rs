@@ -1,6 +1,6 @@
 //! What a calibration may be told, and what the camera's stages and the refinement make of it.
 
-pub use crate::result::Method;
+pub(crate) use crate::result::Method;
 use crate::{
     error::Error,
     geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
@@ -15,10 +15,7 @@ use crate::{
         absolute_conic::Constraint,
         linear_camera::{CameraOptions, GivenPrior, PriorParameter},
     },
-    vision::{
-        features::{FeatureOptions, MatchOptions},
-        patches::PatchOptions,
-    },
+    vision::{features::FeatureOptions, patches::PatchOptions},
 };
 
 /// What is estimated of a lens.
@@ -139,7 +136,7 @@ pub enum MotionModel {
 ///
 /// assert_eq!(Options::default().feature_density, FeatureDensity::Auto);
 /// let all_at_once = Options { feature_density: FeatureDensity::Dense, ..Options::default() };
-/// # assert_eq!(all_at_once.features.max_features, 3000);
+/// # assert_eq!(all_at_once.max_features, 3000);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FeatureDensity {
@@ -147,7 +144,7 @@ pub enum FeatureDensity {
     /// where there is none, where patches find too little texture, or where images are left over.
     #[default]
     Auto,
-    /// All that the options of features ask for.
+    /// All: [`Options::max_features`].
     Dense,
 }
 
@@ -204,12 +201,10 @@ pub struct Options {
     pub all_pairs_limit: usize,
     /// Fewest matches that must agree on a plane; `None`: 15 for images, 6 for given matches.
     pub min_plane_matches: Option<usize>,
-    /// Detection of features.
-    pub features: FeatureOptions,
+    /// Most features kept of an image, spread over it.
+    pub max_features: usize,
     /// Whether fewer features are tried first.
     pub feature_density: FeatureDensity,
-    /// Matching of features.
-    pub matching: MatchOptions,
     /// Robust homographies.
     pub robust: RobustOptions,
     /// Whether the floor of the motions found is matched again patch by patch (images only).
@@ -218,6 +213,13 @@ pub struct Options {
     pub patches: PatchOptions,
     /// Seed of every random choice.
     pub seed: u64,
+}
+
+impl Options {
+    /// How features are looked for.
+    pub(crate) fn features(&self) -> FeatureOptions {
+        FeatureOptions { max_features: self.max_features, ..FeatureOptions::default() }
+    }
 }
 
 impl Default for Options {
@@ -239,9 +241,8 @@ impl Default for Options {
             pairs: None,
             all_pairs_limit: 40,
             min_plane_matches: None,
-            features: FeatureOptions::default(),
+            max_features: FeatureOptions::default().max_features,
             feature_density: FeatureDensity::default(),
-            matching: MatchOptions::default(),
             robust: RobustOptions::default(),
             match_patches: true,
             patches: PatchOptions::default(),

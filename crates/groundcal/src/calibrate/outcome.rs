@@ -21,7 +21,7 @@ use crate::{
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{SceneModel, ViewEstimate},
     result::{
-        self, AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Prior, Scene,
+        self, AttitudeReport, Calibration, Camera, Covariance, Fit, MotionReport, Parameter, PixelCentre, Scene,
         StandardDeviation, ViewParameter, ViewReport, Warning,
         calibration::{FORMAT_VERSION, SCHEMA_VERSION},
         diagnosis,
@@ -136,17 +136,7 @@ fn camera_report(
             (Method::Joint, Some(_)) => Some(Scene::Floor),
             (Method::Joint, None) | (Method::Rotating, _) => Some(Scene::Directions),
         },
-        priors: s
-            .priors
-            .iter()
-            .map(|p| Prior {
-                parameter: p.parameter,
-                mean: p.mean,
-                sigma: p.sigma,
-                posterior_over_prior: p.posterior_over_prior,
-                conflict: p.conflict,
-            })
-            .collect(),
+        priors: s.priors.clone(),
         attitude_sigma_estimated: s.attitude_sigma_estimated,
         // Radians and back leave digits that nobody gave.
         attitude_sigma_deg: (s.attitude_sigma_rad.to_degrees() * 1e9).round() / 1e9,

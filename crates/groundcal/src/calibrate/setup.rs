@@ -122,7 +122,7 @@ fn near_plane(
             None => Some(*m),
         };
         ideal.is_some_and(|m| {
-            let local = PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..m };
+            let local = PointMatch { a: frame.local(&m.a), b: frame.local(&m.b), ..m };
             near(sampson_squared(h, &local), m.sigma_px)
         })
     };

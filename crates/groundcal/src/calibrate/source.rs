@@ -31,7 +31,7 @@ use crate::{
     },
     result::Warning,
     vision::{
-        features::{FeatureOptions, Features, detect_until, match_features_until},
+        features::{FeatureOptions, Features, MatchOptions, detect_until, match_features_until},
         image::GrayImage,
         still::still_parts,
     },
@@ -141,17 +141,46 @@ impl<'a> PreparedImages<'a> {
         options: &Options,
         observer: &dyn Observer,
     ) -> Result<Source<'a>, Error> {
-        let features = observer.map(Stage::Features, &self.images, |image| detect_until(image, features, observer))?;
+        let features = features_of(&self.images, features, observer)?;
         let mut pairs = self.pairs.clone();
         if self.many {
-            pairs.extend(likely_pairs(&features, &pairs, options, observer)?);
+            pairs.extend(likely_pairs(&features, &pairs, observer)?);
         }
-        let matched = observer.map(Stage::Matching, &pairs, |&(from, to)| {
-            let matches = match_features_until(&features[from], &features[to], &options.matching, observer)?;
-            Ok(ImagePair { from, to, matches })
-        })?;
+        let matched = matched(&features, &pairs, observer)?;
         of_images(self.names, self.images.clone(), (matched, self.named), options, self.warnings.clone())
     }
+}
+
+/// The features of each image.
+fn features_of(
+    images: &[GrayImage],
+    options: &FeatureOptions,
+    observer: &dyn Observer,
+) -> Result<Vec<Features>, Error> {
+    observer.map(Stage::Features, images, |image| detect_until(image, options, observer))
+}
+
+/// The matches of each pair.
+fn matched(features: &[Features], pairs: &[(usize, usize)], observer: &dyn Observer) -> Result<Vec<ImagePair>, Error> {
+    observer.map(Stage::Matching, pairs, |&(from, to)| {
+        let matches = match_features_until(&features[from], &features[to], &MatchOptions::default(), observer)?;
+        Ok(ImagePair { from, to, matches })
+    })
+}
+
+/// Matches of the features of pairs of images, of which what stands still in all of them is set aside.
+///
+/// # Errors
+/// See [`Error`].
+pub(super) fn matches_of_images(
+    images: &[GrayImage],
+    pairs: &[(usize, usize)],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Vec<ImagePair>, Error> {
+    let pairs = checked_names(pairs, images.len())?;
+    let (images, _) = without_still_parts(images, observer)?;
+    matched(&features_of(&images, &options.features(), observer)?, pairs, observer)
 }
 
 /// Images with matches between them. Matches of what is not used of an image are left out.
@@ -375,7 +404,6 @@ fn candidate_pairs(images: usize, options: &Options) -> Vec<(usize, usize)> {
 fn likely_pairs(
     features: &[Features],
     known: &[(usize, usize)],
-    options: &Options,
     observer: &dyn Observer,
 ) -> Result<Vec<(usize, usize)>, Error> {
     let few: Vec<Features> = features.iter().map(|features| features.strongest(FEW_FEATURES)).collect();
@@ -383,7 +411,7 @@ fn likely_pairs(
     let all: Vec<(usize, usize)> =
         compared.iter().flat_map(|&a| compared.range(a + 1..).map(move |&b| (a, b))).collect();
     let counts = observer.map(Stage::Candidates, &all, |&(a, b)| {
-        match_features_until(&few[a], &few[b], &options.matching, observer).map(|matches| matches.len())
+        match_features_until(&few[a], &few[b], &MatchOptions::default(), observer).map(|matches| matches.len())
     })?;
     let mut partners: Vec<Vec<(usize, usize)>> = vec![Vec::new(); features.len()];
     for (&(a, b), &count) in all.iter().zip(&counts) {

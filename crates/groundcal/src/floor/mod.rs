@@ -13,13 +13,13 @@ pub(crate) mod undistort;
 pub(crate) mod view;
 
 pub use layout::{DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, Resolution, ResolutionError, Up, sets_of_one_world};
-pub use odometry::{BasePose, camera_on_base, scale_of_all};
+pub use odometry::{BasePose, with_odometry};
 pub use placed::{Placed, placed};
-pub use points::{FloorPoint, ImagePoint, Length, MeasuringView, view_named};
+pub use points::{FloorPoint, ImagePoint, Length, MeasuringView};
 pub use projection::{CELLS, projection_uncertainty};
 pub use rectified::rectify_image;
 pub use rectify::{Mosaic, rectify};
-pub use scale::{KnownDistance, with_floor_distance, with_uncertain_height};
+pub use scale::{KnownDistance, with_floor_distance};
 pub use undistort::{Fit, Undistortion};
 pub use view::{FloorGrid, FloorView};
 

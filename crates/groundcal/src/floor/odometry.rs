@@ -16,7 +16,7 @@ use nalgebra::{DMatrix, Matrix2, Matrix2x4, Matrix4, Rotation2, Vector2, Vector4
 
 use crate::{
     error::Error,
-    floor::points::view_named,
+    floor::{points::view_named, scale::with_uncertain_height},
     numerics::linalg::symmetric_eigen,
     result::{Calibration, CameraOnBase, Parameter, ViewParameter, ViewReport},
 };
@@ -67,7 +67,7 @@ fn shared_numbers() -> Vec<ViewParameter> {
 ///
 /// # Errors
 /// [`Error::InvalidInput`] where a name is none of the views', or no attitude has two motions.
-pub fn camera_on_base(c: &Calibration, poses: &[BasePose]) -> Result<Vec<CameraOnBase>, Error> {
+pub(crate) fn camera_on_base(c: &Calibration, poses: &[BasePose]) -> Result<Vec<CameraOnBase>, Error> {
     let views: Vec<Option<&ViewReport>> = poses
         .iter()
         .map(|pose| {
@@ -249,8 +249,23 @@ fn result(
     })
 }
 
+/// The calibration in metres as the odometry has them, unless it is in metres already, and where the camera sits on the base, which it has
+/// with it ([`Calibration::on_base`]).
+///
+/// # Errors
+/// [`Error::InvalidInput`] where a name is none of the views', or no attitude has two motions.
+pub fn with_odometry(c: Calibration, poses: &[BasePose]) -> Result<Calibration, Error> {
+    let found = camera_on_base(&c, poses)?;
+    let mut c = match scale_of_all(&found).filter(|_| c.camera_height_m.is_none()) {
+        Some([height_m, sigma]) => with_uncertain_height(c, height_m, sigma / height_m)?,
+        None => c,
+    };
+    c.on_base = found;
+    Ok(c)
+}
+
 /// The scale of several attitudes of one world together, and its standard deviation: weighted by their errors. `None` for none.
-pub fn scale_of_all(found: &[CameraOnBase]) -> Option<[f64; 2]> {
+fn scale_of_all(found: &[CameraOnBase]) -> Option<[f64; 2]> {
     let weights: Vec<f64> = found.iter().map(|f| f.metres_per_unit_sigma.powi(-2)).collect();
     let sum: f64 = weights.iter().sum();
     let mean = found.iter().zip(&weights).map(|(f, w)| f.metres_per_unit * w).sum::<f64>() / sum;

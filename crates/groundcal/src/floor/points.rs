@@ -38,6 +38,10 @@ const PIXEL_STEP: f64 = 1e-3;
 /// ```
 #[derive(Debug, Clone)]
 pub struct MeasuringView {
+    /// Name of its image.
+    pub image: String,
+    /// Image whose foot is the origin of the floor's coordinates.
+    pub origin: String,
     view: FloorView,
     covariance: Covariance<ViewParameter>,
 }
@@ -79,7 +83,12 @@ impl MeasuringView {
     pub fn of(c: &Calibration, image: &str) -> Result<Self, Error> {
         let report = view_named(c, image)?;
         let view = FloorView::of_report(&c.camera, report)?;
-        Ok(Self { view, covariance: report.covariance.clone() })
+        Ok(Self {
+            image: report.image.clone(),
+            origin: report.origin.clone(),
+            view,
+            covariance: report.covariance.clone(),
+        })
     }
 
     /// The point of the floor at a pixel; `None` at or above the horizon, or where the lens model gives no ray.
@@ -143,7 +152,7 @@ impl MeasuringView {
 ///
 /// # Errors
 /// [`Error::InvalidInput`] where there is none, or several.
-pub fn view_named<'a>(c: &'a Calibration, image: &str) -> Result<&'a ViewReport, Error> {
+pub(crate) fn view_named<'a>(c: &'a Calibration, image: &str) -> Result<&'a ViewReport, Error> {
     let stem =
         |name: &str| name.rsplit(['/', '\\']).next().and_then(|n| n.rsplit_once('.').map(|(s, _)| s.to_string()));
     let end = |name: &str| image.ends_with(&format!("/{name}")) || name.ends_with(&format!("/{image}"));

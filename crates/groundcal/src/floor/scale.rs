@@ -82,7 +82,7 @@ pub fn with_floor_distance(c: Calibration, image: &str, known: &KnownDistance) -
 ///
 /// # Errors
 /// As [`Calibration::with_camera_height`].
-pub fn with_uncertain_height(c: Calibration, height_m: f64, relative_sigma: f64) -> Result<Calibration, Error> {
+pub(crate) fn with_uncertain_height(c: Calibration, height_m: f64, relative_sigma: f64) -> Result<Calibration, Error> {
     let mut scaled = c.with_camera_height(height_m)?;
     scaled.views.iter_mut().for_each(|v| apart(v, relative_sigma));
     Ok(with_errors_of_views(scaled, relative_sigma))

@@ -121,7 +121,7 @@ impl FloorView {
     }
 
     /// The point of the floor below the optical centre.
-    pub fn foot(&self) -> Vector2<f64> {
+    pub(crate) fn foot(&self) -> Vector2<f64> {
         self.centre.xy()
     }
 
@@ -188,7 +188,7 @@ impl FloorView {
         self.lens.unproject(&self.intrinsics.normalised_from_pixel(pixel))
     }
 
-    /// Outline of the floor within `max_distance` of [`Self::foot`] (floor units) that an image of a size sees: corners in order
+    /// Outline of the floor within `max_distance` of the foot (floor units) that an image of a size sees: corners in order
     /// round it, not closed; empty when it sees none. With a lens that sees behind the camera, the convex hull of that.
     pub fn seen_floor(&self, size: ImageSize, max_distance: f64) -> Vec<Vector2<f64>> {
         match self.lens {
@@ -343,7 +343,7 @@ impl FloorGrid {
     }
 
     /// Direction of the rows on the floor.
-    pub fn down(&self) -> Vector2<f64> {
+    pub(crate) fn down(&self) -> Vector2<f64> {
         Vector2::new(self.right.y, -self.right.x)
     }
 

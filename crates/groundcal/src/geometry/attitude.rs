@@ -28,7 +28,7 @@ pub(crate) const PARALLEL_HORIZONS_DEG: f64 = 5.0;
 
 /// The rotation of camera coordinates from a level world frame whose heading is the camera's own (yaw 0): the `A_g` of
 /// an attitude group. Angles in radians; signs as the module says.
-pub fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {
+pub(crate) fn attitude_rotation(pitch_down_rad: f64, roll_rad: f64) -> Matrix3<f64> {
     let (sp, cp) = pitch_down_rad.sin_cos();
     let (sr, cr) = roll_rad.sin_cos();
     // Rx(pitch) R0, written out.
@@ -42,13 +42,13 @@ pub(crate) fn yaw_rotation(yaw_rad: f64) -> Matrix3<f64> {
     Matrix3::new(c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0)
 }
 
-/// Camera coordinates from world coordinates (rotation only): [`attitude_rotation`] times the rotation by the yaw, in radians.
+/// Camera coordinates from world coordinates (rotation only), of angles in radians; signs as the module says.
 pub fn rotation_cam_from_world(pitch_down_rad: f64, roll_rad: f64, yaw_rad: f64) -> Matrix3<f64> {
     attitude_rotation(pitch_down_rad, roll_rad) * yaw_rotation(yaw_rad)
 }
 
 /// The plane's upward normal in camera coordinates (unit length), of an attitude in radians.
-pub fn up_in_camera(pitch_down_rad: f64, roll_rad: f64) -> Vector3<f64> {
+pub(crate) fn up_in_camera(pitch_down_rad: f64, roll_rad: f64) -> Vector3<f64> {
     let (sp, cp) = pitch_down_rad.sin_cos();
     let (sr, cr) = roll_rad.sin_cos();
     Vector3::new(-sr * cp, -cr * cp, -sp)
@@ -65,7 +65,7 @@ pub(crate) fn attitude_from_up(up_in_camera: &Vector3<f64>) -> (f64, f64) {
 
 /// Pitch (down), roll and yaw in radians of a rotation of camera from world coordinates: the inverse of
 /// [`rotation_cam_from_world`] for pitches within 90 degrees.
-pub fn angles_from_rotation(r_cam_from_world: &Matrix3<f64>) -> (f64, f64, f64) {
+pub(crate) fn angles_from_rotation(r_cam_from_world: &Matrix3<f64>) -> (f64, f64, f64) {
     let (pitch, roll) = attitude_from_up(&r_cam_from_world.column(2).into_owned());
     let yaw = attitude_rotation(pitch, roll).transpose() * r_cam_from_world;
     (pitch, roll, yaw[(0, 1)].atan2(yaw[(0, 0)]))

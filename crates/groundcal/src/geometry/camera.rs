@@ -19,7 +19,7 @@ use crate::geometry::{
 };
 
 /// Names of the camera matrix's parameters, in their order.
-pub const INTRINSIC_NAMES: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
+pub(crate) const INTRINSIC_NAMES: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
 
 /// Image size, camera matrix and lens. As JSON: `image_size`, `fx`, `fy`, `cx`, `cy`, `skew`, `distortion`.
 ///
@@ -66,7 +66,7 @@ impl From<Camera> for Record {
 
 /// Where a point is seen, with derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraProjection {
+pub(crate) struct CameraProjection {
     /// The pixel.
     pub pixel: Vector2<f64>,
     /// By the point, or the ray.
@@ -85,7 +85,7 @@ impl Camera {
     }
 
     /// [`Self::project`] with derivatives.
-    pub fn project_with_jacobians(&self, point: &Vector3<f64>) -> Option<CameraProjection> {
+    pub(crate) fn project_with_jacobians(&self, point: &Vector3<f64>) -> Option<CameraProjection> {
         let lens = self.lens.project_with_jacobian(point)?;
         let (k, d) = (&self.intrinsics, &lens.point);
         let linear = Matrix2::new(k.fx, k.skew, 0.0, k.fy);
@@ -103,12 +103,14 @@ impl Camera {
     }
 
     /// Names of the parameters, in their order.
-    pub fn parameter_names(&self) -> Vec<&'static str> {
+    #[cfg(test)]
+    pub(crate) fn parameter_names(&self) -> Vec<&'static str> {
         INTRINSIC_NAMES.iter().chain(self.lens.parameter_names()).copied().collect()
     }
 
     /// The parameters.
-    pub fn parameters(&self) -> Vec<f64> {
+    #[cfg(test)]
+    pub(crate) fn parameters(&self) -> Vec<f64> {
         let k = &self.intrinsics;
         [k.fx, k.fy, k.cx, k.cy, k.skew].into_iter().chain(self.lens.parameters()).collect()
     }
@@ -121,9 +123,12 @@ impl Camera {
         Some(Self { intrinsics, lens: self.lens.with_parameters(lens)?, ..*self })
     }
 
-    /// The same camera with its images scaled to another size. Pixel centres are at whole numbers, so a coordinate u becomes
+    /// The same camera with its images scaled to another size; `None` where that has another shape, so that it is not the same picture. Pixel centres are at whole numbers, so a coordinate u becomes
     /// (u + ½) s - ½.
-    pub fn scaled_to(&self, size: ImageSize) -> Self {
+    pub fn scaled_to(&self, size: ImageSize) -> Option<Self> {
+        if !size.has_shape_of(self.size) {
+            return None;
+        }
         let sx = size.width as f64 / self.size.width as f64;
         let sy = size.height as f64 / self.size.height as f64;
         let k = &self.intrinsics;
@@ -134,7 +139,7 @@ impl Camera {
             cy: (k.cy + 0.5) * sy - 0.5,
             skew: k.skew * sx,
         };
-        Self { size, intrinsics, ..*self }
+        Some(Self { size, intrinsics, ..*self })
     }
 }
 
@@ -221,7 +226,7 @@ mod tests {
     #[test]
     fn scaling_keeps_the_image_borders() {
         for lens in lenses() {
-            let (whole, half) = (camera(lens), camera(lens).scaled_to(ImageSize::new(400, 300)));
+            let (whole, half) = (camera(lens), camera(lens).scaled_to(ImageSize::new(400, 300)).expect("one shape"));
             // The corner of the image, half a pixel outside the centre of its first pixel.
             let corner = Vector2::new(-0.5, -0.5);
             let (a, b) = (whole.unproject(&corner).expect("inside"), half.unproject(&corner).expect("inside"));

@@ -349,7 +349,7 @@ mod tests {
 
     #[test]
     fn different_sizes_and_lenses_that_fold_are_refused() {
-        let small = camera().scaled_to(ImageSize::new(640, 480));
+        let small = camera().scaled_to(ImageSize::new(640, 480)).unwrap();
         let message = camera_difference(&camera(), &small).unwrap_err().to_string();
         assert!(message.contains("1280") && message.contains("640"), "{message}");
         let folding = Camera { lens: Lens::radial(-60.0, 0.0), ..camera() };

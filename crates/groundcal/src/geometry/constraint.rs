@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 /// ```
 /// use groundcal::Constraint;
 /// assert_eq!(Constraint::Square.to_string(), "square");
-/// assert_eq!(Constraint::ALL.map(Constraint::name)[0], "auto");
+/// assert_eq!(Constraint::ALL[0].to_string(), "auto");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub enum Constraint {
@@ -35,7 +35,7 @@ pub enum Constraint {
 
 impl Constraint {
     /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Constraint::Auto => "auto",
             Constraint::Full => "full",
@@ -57,7 +57,7 @@ impl Constraint {
     ];
 
     /// Which of (ln fx, ln fy/fx, cx, cy, skew) are free.
-    pub fn free(self) -> [bool; 5] {
+    pub(crate) fn free(self) -> [bool; 5] {
         match self {
             Constraint::Auto | Constraint::ZeroSkew => [true, true, true, true, false],
             Constraint::Full => [true; 5],

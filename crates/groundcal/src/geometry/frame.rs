@@ -24,12 +24,12 @@ impl Frame {
     }
 
     /// Pixels to frame.
-    pub fn from_pixel(&self, p: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn local(&self, p: &Vector2<f64>) -> Vector2<f64> {
         (p - self.origin_px) / self.scale_px
     }
 
     /// Frame to pixels.
-    pub fn to_pixel(&self, p: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn pixel(&self, p: &Vector2<f64>) -> Vector2<f64> {
         p * self.scale_px + self.origin_px
     }
 

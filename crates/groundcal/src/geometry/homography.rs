@@ -69,15 +69,21 @@ impl Homography {
     }
 }
 
+impl From<Homography> for Matrix3<f64> {
+    fn from(h_b_from_a: Homography) -> Self {
+        h_b_from_a.0
+    }
+}
+
 /// The covariance of the nine entries, row by row, of a matrix given in frame coordinates.
-pub type HomographyCovariance = SMatrix<f64, 9, 9>;
+pub(crate) type HomographyCovariance = SMatrix<f64, 9, 9>;
 
 /// From the covariance of the nine entries, row by row, of a matrix in pixels, of any scale, that of the same map in frame coordinates and
 /// of unit norm: G = N H N⁻¹, g = G / |G|, and to first order dg = (I - g gᵀ) (N ⊗ N⁻ᵀ) dh / |G|.
 ///
 /// # Errors
 /// [`Error::InvalidInput`] where it is not finite.
-pub fn covariance_in_frame(
+pub(crate) fn covariance_in_frame(
     h_b_from_a: &Matrix3<f64>,
     covariance: &HomographyCovariance,
     frame: &Frame,

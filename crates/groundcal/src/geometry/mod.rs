@@ -12,12 +12,12 @@ pub(crate) mod parameters;
 pub(crate) mod plane_view;
 pub(crate) mod size;
 
-pub use attitude::{angles_from_rotation, attitude_rotation, rotation_cam_from_world, up_in_camera};
-pub use camera::{Camera, CameraProjection, INTRINSIC_NAMES};
+pub use attitude::rotation_cam_from_world;
+pub use camera::Camera;
 pub use camera_difference::{CameraDifference, PixelDifference, Significance, camera_difference, significance};
 pub use constraint::Constraint;
 pub use frame::Frame;
-pub use homography::{Homography, HomographyCovariance, covariance_in_frame};
+pub use homography::Homography;
 pub use intrinsics::Intrinsics;
 pub use lens::{Division, Fisheye, Lens, Radtan};
 pub use parameters::{Parameter, PriorParameter};

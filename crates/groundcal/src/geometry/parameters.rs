@@ -144,7 +144,7 @@ impl PriorParameter {
     ];
 
     /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             PriorParameter::Fx => "fx",
             PriorParameter::Aspect => "aspect",
@@ -160,7 +160,7 @@ impl PriorParameter {
     }
 
     /// Whether it is in pixels; the others have no unit.
-    pub fn is_in_pixels(self) -> bool {
+    pub(crate) fn is_in_pixels(self) -> bool {
         !(self == PriorParameter::Aspect || self.is_of_lens())
     }
 

@@ -33,7 +33,7 @@ impl ImageSize {
     }
 
     /// Whether it is another size scaled as a whole: off by the rounding of a side at most.
-    pub fn has_shape_of(self, other: Self) -> bool {
+    pub(crate) fn has_shape_of(self, other: Self) -> bool {
         let [w, h, other_w, other_h] = [self.width, self.height, other.width, other.height].map(|side| side as f64);
         let (sx, sy) = (w / other_w, h / other_h);
         (sx * other_h - h).abs() < 1.0 || (sy * other_w - w).abs() < 1.0 || (other_h - h / sx).abs() < 1.0

@@ -102,7 +102,7 @@ impl Default for LmOptions {
 
 /// Why the loop ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StopReason {
+pub(crate) enum StopReason {
     /// The next step would not lower the cost by a noticeable amount.
     Converged,
     /// The iteration limit was reached; the best state found is returned.

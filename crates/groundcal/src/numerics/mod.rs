@@ -6,8 +6,3 @@ pub(crate) mod linalg;
 pub(crate) mod ransac;
 pub(crate) mod skyline;
 pub(crate) mod statistics;
-
-pub use graph::components;
-pub use levenberg_marquardt::StopReason;
-pub use ransac::RansacOptions;
-pub use statistics::{HUBER_SIGMAS, NORMAL_95, median};

@@ -30,7 +30,7 @@ pub(crate) trait RobustProblem {
 
 /// Options of `search_until`.
 #[derive(Debug, Clone, Copy)]
-pub struct RansacOptions {
+pub(crate) struct RansacOptions {
     /// Probability of having drawn an all-inlier sample when the loop ends.
     pub confidence: f64,
     /// Least number of trials.
@@ -59,8 +59,6 @@ pub(crate) struct RansacOutput<M> {
     pub cost: f64,
     /// Data within the largest noise scale's 99 % bound.
     pub inliers: Vec<usize>,
-    /// Samples drawn.
-    pub trials: usize,
 }
 
 /// The squared residual, in units of the largest noise variance, beyond which a datum is an outlier at every scale.
@@ -200,7 +198,7 @@ pub(crate) fn search_until<P: RobustProblem>(
         (model, cost) = on_all(problem, options, model, magsac);
     }
     let inliers = (0..n).filter(|&i| problem.squared_residual(&model, i) < OUTLIER_SQUARED).collect();
-    Some(RansacOutput { model, cost, inliers, trials })
+    Some(RansacOutput { model, cost, inliers })
 }
 
 /// A model found on a part of the data, improved on all of them, and its cost there.

@@ -1,7 +1,7 @@
 //! The few distributions the estimators need.
 
 /// Upper quantile of the standard normal distribution that makes a two-sided 95 % interval.
-pub const NORMAL_95: f64 = 1.959_963_984_540_054;
+pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// Of chi-squared with two degrees of freedom the value that 1 % exceed: -2 ln 0.01.
 pub(crate) const CHI_SQUARED_2_99: f64 = 9.210_340_371_976_182;
@@ -11,7 +11,7 @@ pub(crate) const CHI_SQUARED_2_999: f64 = 13.815_510_557_964_274;
 pub(crate) const CHI_SQUARED_4_999: f64 = 18.466_826_952_903_17;
 /// Standard deviations from which on a residual counts less (Huber's loss): 0.27 % of a normal variable's are beyond,
 /// so that good residuals keep their weight, and no outlier pulls harder than a residual of three.
-pub const HUBER_SIGMAS: f64 = 3.0;
+pub(crate) const HUBER_SIGMAS: f64 = 3.0;
 
 /// The chi-squared quantile of two degrees of freedom: the value exceeded with probability `p`.
 pub(crate) fn chi_squared_2_quantile(p: f64) -> f64 {
@@ -52,7 +52,7 @@ pub(crate) fn chi_squared_survival(value: f64, dof: usize) -> f64 {
 }
 
 /// Median of the values (the upper one of an even count); 0 for none. The slice is reordered.
-pub fn median(values: &mut [f64]) -> f64 {
+pub(crate) fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;
     }

@@ -398,7 +398,7 @@ mod tests {
         let mut seen = |p: &Vector2<f64>| {
             let mut noise = || -> f64 { StandardNormal.sample(&mut rng) };
             let noise = Vector2::new(noise(), noise()) * sigma_px;
-            frame.to_pixel(&model.distort(&frame.from_pixel(p)).expect("within the model")) + noise
+            frame.pixel(&model.distort(&frame.local(p)).expect("within the model")) + noise
         };
         let motions = scene.pairs();
         let motions = motions

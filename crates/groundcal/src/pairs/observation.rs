@@ -116,14 +116,8 @@ impl PairObservation {
     /// A homography from elsewhere.
     pub(crate) fn of_homography(id: PairId, [from, to]: [ImageId; 2], estimate: HomographyEstimate) -> Self {
         let candidates = estimate.matches;
-        let plane = RobustHomography {
-            estimate,
-            inliers: Vec::new(),
-            trials: 0,
-            static_background: 0,
-            patches: false,
-            is_static: false,
-        };
+        let plane =
+            RobustHomography { estimate, inliers: Vec::new(), static_background: 0, patches: false, is_static: false };
         let outcome = turning_plane(plane);
         Self { id, from, to, matches: Vec::new(), candidates, outcome, superseded: None, wide_lens: None }
     }

@@ -15,7 +15,7 @@ use crate::{
 
 /// A lens, and the camera matrix through which it acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlacedLens {
+pub(crate) struct PlacedLens {
     /// The lens.
     pub lens: Lens,
     /// Focal length and centre.
@@ -36,7 +36,7 @@ impl PlacedLens {
     }
 
     /// A match as an ideal lens would have given it, its deviation magnified as the lens was undone.
-    pub fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
+    pub(crate) fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
         let (a, b) = (self.ideal_point(&m.a)?, self.ideal_point(&m.b)?);
         let magnification = |ideal: &Vector2<f64>| {
             let ray = self.intrinsics.normalised_from_pixel(ideal).push(1.0);
@@ -52,7 +52,7 @@ impl PlacedLens {
     }
 
     /// Where a homography between ideal pixels takes a pixel of the first image in the second, lens and all.
-    pub fn carried(&self, h_b_from_a: &Homography, a: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn carried(&self, h_b_from_a: &Homography, a: &Vector2<f64>) -> Option<Vector2<f64>> {
         if !self.lens.sees_behind() {
             return self.real_point(&h_b_from_a.apply(&self.ideal_point(a)?)?);
         }

@@ -199,12 +199,12 @@ fn reduced_equations(
     let mut gradient_t = Vector4::zeros();
     let mut gradient_h = SVector::<f64, 8>::zeros();
     for m in &ideal {
-        let local = PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m };
+        let local = PointMatch { a: frame.local(&m.a), b: frame.local(&m.b), ..*m };
         let l = linearise(&estimate.in_frame, &local)?;
         let weight = l.weight / (m.sigma_px * m.sigma_px);
         // At the corrected points: at the measured ones the derivative would share the noise of the innovation, and the
         // products would not average to zero.
-        let [a, b] = l.corrected.map(|p| lens.real_point(&frame.to_pixel(&p)));
+        let [a, b] = l.corrected.map(|p| lens.real_point(&frame.pixel(&p)));
         let (Some(by_a), Some(by_b)) = (a.and_then(|p| derivative(&p)), b.and_then(|p| derivative(&p))) else {
             continue;
         };

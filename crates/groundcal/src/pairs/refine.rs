@@ -13,7 +13,7 @@ use crate::{
     error::Error,
     geometry::{
         frame::Frame,
-        homography::{Homography, HomographyCovariance},
+        homography::{Homography, HomographyCovariance, covariance_in_frame},
     },
     numerics::{
         levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, StopReason, minimise_until},
@@ -28,10 +28,9 @@ use crate::{
 ///
 /// # Examples
 /// ```
-/// use groundcal::{Homography, HomographyEstimate, ImageSize, geometry::{Frame, HomographyCovariance}, nalgebra::Matrix3};
+/// use groundcal::{HomographyEstimate, ImageSize, geometry::Frame, nalgebra::Matrix3};
 /// let frame = Frame::new(ImageSize::new(640, 480), None);
-/// let h = Homography::new(Matrix3::identity())?;
-/// let estimate = HomographyEstimate::from_parts(h, HomographyCovariance::from_diagonal_element(1e-8), frame, 100);
+/// let estimate = HomographyEstimate::from_pixels(&Matrix3::identity(), None, frame, 100)?;
 /// assert_eq!(estimate.covariance[(0, 0)], 1e-8);
 /// # Ok::<(), groundcal::Error>(())
 /// ```
@@ -42,7 +41,7 @@ pub struct HomographyEstimate {
     /// The same map in frame coordinates, unit Frobenius norm.
     pub in_frame: Matrix3<f64>,
     /// Covariance of the nine entries of `in_frame`, row by row; rank 8. The noise scale is `sigma_px`.
-    pub covariance: HomographyCovariance,
+    pub covariance: SMatrix<f64, 9, 9>,
     /// The frame of both.
     pub frame: Frame,
     /// Matches used.
@@ -54,13 +53,39 @@ pub struct HomographyEstimate {
     /// Steps of the refinement.
     pub iterations: usize,
     /// Why it ended.
-    pub stop: StopReason,
+    pub(crate) stop: StopReason,
 }
 
+/// Variance of each entry of the unit-norm matrix in frame coordinates where no covariance is given: all homographies count the same.
+const VARIANCE_WITHOUT_COVARIANCE: f64 = 1e-8;
+
 impl HomographyEstimate {
-    /// A homography from elsewhere, its covariance (frame coordinates, unit norm, row by row) being known or taken from
-    /// points spread over the image with `sigma_px` noise.
-    pub fn from_parts(h_b_from_a: Homography, covariance: HomographyCovariance, frame: Frame, matches: usize) -> Self {
+    /// A homography from elsewhere: any multiple of the matrix that takes pixels of a to pixels of b, and the covariance of the nine entries,
+    /// row by row, of the matrix as it is given; `None`: not known, all count the same. `matches`: from so many, if that is known.
+    ///
+    /// # Errors
+    /// [`Error::InvalidInput`] where the matrix or the covariance is not finite, or the matrix is not invertible.
+    pub fn from_pixels(
+        h_b_from_a: &Matrix3<f64>,
+        covariance: Option<&SMatrix<f64, 9, 9>>,
+        frame: Frame,
+        matches: usize,
+    ) -> Result<Self, Error> {
+        let h = Homography::new(*h_b_from_a)?;
+        let covariance = match covariance {
+            None => HomographyCovariance::from_diagonal_element(VARIANCE_WITHOUT_COVARIANCE),
+            Some(given) => covariance_in_frame(h_b_from_a, given, &frame)?,
+        };
+        Ok(Self::from_parts(h, covariance, frame, matches))
+    }
+
+    /// The same from a covariance in frame coordinates, of the matrix of unit norm.
+    pub(crate) fn from_parts(
+        h_b_from_a: Homography,
+        covariance: HomographyCovariance,
+        frame: Frame,
+        matches: usize,
+    ) -> Self {
         let in_frame = h_b_from_a.in_frame(&frame);
         Self {
             h_b_from_a,
@@ -178,7 +203,7 @@ impl Default for RefineOptions {
 
 /// The matches in frame coordinates.
 pub(crate) fn to_frame(matches: &[PointMatch], frame: &Frame) -> Vec<PointMatch> {
-    matches.iter().map(|m| PointMatch { a: frame.from_pixel(&m.a), b: frame.from_pixel(&m.b), ..*m }).collect()
+    matches.iter().map(|m| PointMatch { a: frame.local(&m.a), b: frame.local(&m.b), ..*m }).collect()
 }
 
 /// Maximum likelihood homography of four or more matches (pixels), all of them inliers, from a start in frame coordinates

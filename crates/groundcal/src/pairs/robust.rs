@@ -18,7 +18,7 @@ use crate::{
     pairs::correspondence::PointMatch,
 };
 
-/// Options of [`estimate_robust`].
+/// Options of [`robust_homography`].
 #[derive(Debug, Clone, Copy)]
 pub struct RobustOptions {
     /// Largest standard deviation of a coordinate of a good match that is thought possible, in pixels.
@@ -29,7 +29,7 @@ pub struct RobustOptions {
     /// Fewest inliers of a second plane that may replace a static background.
     pub min_inliers: usize,
     /// The robust loop.
-    pub ransac: RansacOptions,
+    pub(crate) ransac: RansacOptions,
 }
 
 impl Default for RobustOptions {
@@ -40,13 +40,11 @@ impl Default for RobustOptions {
 
 /// A homography and the matches it was made from.
 #[derive(Debug, Clone)]
-pub struct RobustHomography {
+pub(crate) struct RobustHomography {
     /// The refined homography.
     pub estimate: HomographyEstimate,
     /// Indices of the matches used, ascending.
     pub inliers: Vec<usize>,
-    /// Samples drawn.
-    pub trials: usize,
     /// Matches of a background that did not move and had more support; they were set aside. 0: none.
     pub static_background: usize,
     /// The matches are patches matched by least squares, not features.
@@ -105,25 +103,17 @@ const INLIER_QUANTILE: f64 = 0.9973;
 /// # Errors
 /// [`Error::DegeneratePoints`] when there are fewer than four matches, or no quadruple of them or the inliers determine a
 /// homography.
-pub fn estimate_robust(
+pub fn robust_homography(
     matches: &[PointMatch],
     frame: &Frame,
     options: &RobustOptions,
-) -> Result<RobustHomography, Error> {
-    estimate_robust_until(matches, frame, options, &Silent)
+    seed: u64,
+) -> Result<HomographyEstimate, Error> {
+    let options = RobustOptions { ransac: RansacOptions { seed, ..options.ransac }, ..*options };
+    Ok(estimate_in_frame(&to_frame(matches, frame), frame, &options, &Silent)?.estimate)
 }
 
-/// The same under an observer's eyes; [`Error::Stopped`] when it says so.
-pub(crate) fn estimate_robust_until(
-    matches: &[PointMatch],
-    frame: &Frame,
-    options: &RobustOptions,
-    observer: &dyn Observer,
-) -> Result<RobustHomography, Error> {
-    estimate_in_frame(&to_frame(matches, frame), frame, options, observer)
-}
-
-/// The same of matches in the frame.
+/// The same of matches in the frame, with what became of them, under an observer's eyes; [`Error::Stopped`] when it says so.
 pub(crate) fn estimate_in_frame<M: PlaneMatch>(
     matches: &[M],
     frame: &Frame,
@@ -199,7 +189,6 @@ fn estimate_among<M: PlaneMatch>(
     Ok(RobustHomography {
         estimate,
         inliers: inliers.iter().map(|&i| among[i]).collect(),
-        trials: found.trials,
         static_background: 0,
         patches: false,
         is_static: false,

@@ -18,7 +18,7 @@ const MIN_SHARED: f64 = 0.05;
 ///
 /// # Errors
 /// [`Error::InvalidInput`] where the calibration has none of the camera matrix, k1 and k2. Files of before have no other numbers.
-pub fn start_after(c: &Calibration) -> Result<Start, Error> {
+pub(crate) fn start_after(c: &Calibration) -> Result<Start, Error> {
     let fail = |what: String| Error::InvalidInput(format!("{what}. Calibrate again with this version of the program"));
     if !c.covariance.is_known() {
         return Err(fail("there is no covariance to start from".into()));

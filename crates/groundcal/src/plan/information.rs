@@ -99,14 +99,14 @@ impl Setting {
         let (w, h) = (self.size.width as f64, self.size.height as f64);
         let rows = ((GRID as f64 * h / w).round() as usize).clamp(6, 2 * GRID);
         let inside = |p: &Vector2<f64>| {
-            let p = self.frame.to_pixel(p);
+            let p = self.frame.pixel(p);
             (0.0..=w - 1.0).contains(&p.x) && (0.0..=h - 1.0).contains(&p.y)
         };
         let (mut floor, mut seen) = (0, Vec::new());
         for row in 0..rows {
             for column in 0..GRID {
                 let at = |i: usize, n: usize, side: f64| (i as f64 + 0.5) / n as f64 * (side - 1.0);
-                let pixel = self.frame.from_pixel(&Vector2::new(at(column, GRID, w), at(row, rows, h)));
+                let pixel = self.frame.local(&Vector2::new(at(column, GRID, w), at(row, rows, h)));
                 let Some(ray) = projector.ray(&pixel) else { continue };
                 let q = a.back_project(&ray);
                 // Above the horizon the homogeneous point lies behind; towards it, at any distance.
@@ -137,7 +137,7 @@ impl Setting {
             let from = state.frames[link];
             for (pixel, q) in &shared.seen {
                 // The normal equations take no pixel into account, only where the points are.
-                let pixel = self.frame.to_pixel(pixel);
+                let pixel = self.frame.pixel(pixel);
                 let observations =
                     [link, link + 1].map(|frame| Observation { frame, camera: 0, pixel, information }).to_vec();
                 tracks.push(Track { kind: Kind::Point, observations });

@@ -11,9 +11,8 @@ pub(crate) mod report;
 pub(crate) mod request;
 mod search;
 
-pub use after::start_after;
 pub use carriers::{Carrier, CarrierMotion};
-pub use planner::{Plan, PlannedMotion, Prediction, VarianceShares};
+pub use planner::{PlannedMotion, Prediction, VarianceShares};
 pub use report::{Assumptions, PlanReport};
 pub use request::{MAX_MOTIONS, PlanRequest, RequestError};
 

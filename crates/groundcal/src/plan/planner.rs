@@ -134,8 +134,7 @@ pub struct PlannedMotion {
 
 /// What to do, and what to expect of it.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Plan {
+pub(crate) struct Plan {
     /// The motions, the most useful first; fewer than asked for where one more would lower the standard deviation of f by less
     /// than a hundredth.
     pub motions: Vec<PlannedMotion>,
@@ -145,8 +144,6 @@ pub struct Plan {
     pub priors: Vec<Prior>,
     /// What the calibration is going to warn of.
     pub warnings: Vec<Warning>,
-    /// Motions looked at.
-    pub candidates: usize,
 }
 
 /// Degrees without the rounding of their way through radians.
@@ -347,7 +344,6 @@ impl Planner {
             before: self.started.then(|| self.prediction(&self.base).ok()).flatten(),
             motions,
             priors,
-            candidates: candidates.len(),
         })
     }
 

@@ -121,7 +121,7 @@ impl Problem {
                     let camera = &i.cameras[o.camera];
                     let frame = &camera.frame;
                     let information = o.information * frame.scale_px * frame.scale_px;
-                    let pixel = frame.from_pixel(&o.pixel);
+                    let pixel = frame.local(&o.pixel);
                     PreparedObservation {
                         pixel,
                         row: pixel.y / camera.image_half_sides[1],

@@ -142,7 +142,7 @@ pub(crate) fn shown_by(state: &State, scene: SceneModel, tracks: &[Track], camer
     };
     let shown = |track: &Track| {
         let first = track.observations.first()?;
-        let ray = projectors[first.camera].ray(&cameras[first.camera].frame.from_pixel(&first.pixel))?;
+        let ray = projectors[first.camera].ray(&cameras[first.camera].frame.local(&first.pixel))?;
         let point = pose(first).back_project(&ray);
         let seen = |o: &Observation| projectors[o.camera].project(&pose(o).camera_point(&point)).is_some();
         track.observations.iter().all(seen).then_some(())

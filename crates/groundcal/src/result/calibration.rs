@@ -163,11 +163,6 @@ impl Calibration {
         self.standard_deviation.get(p)
     }
 
-    /// The covariance of two parameters; zero where one was held.
-    pub fn covariance(&self, a: Parameter, b: Parameter) -> f64 {
-        self.covariance.get(a, b)
-    }
-
     /// The prior of a parameter, if there was one.
     pub fn prior(&self, p: PriorParameter) -> Option<&Prior> {
         self.priors.iter().find(|prior| prior.parameter == p)

@@ -89,14 +89,14 @@ pub enum LensSource {
     Estimated,
 }
 
-impl LensSource {
-    /// The name used in files and reports.
-    pub fn name(self) -> &'static str {
-        match self {
+/// The name used in files and reports.
+impl std::fmt::Display for LensSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
             LensSource::NotModelled => "not modelled",
             LensSource::Given => "given",
             LensSource::Estimated => "estimated",
-        }
+        })
     }
 }
 
@@ -143,7 +143,7 @@ impl Camera {
     }
 
     /// The lens.
-    pub fn lens(&self) -> Lens {
+    pub(crate) fn lens(&self) -> Lens {
         self.distortion.lens
     }
 
@@ -153,12 +153,12 @@ impl Camera {
     }
 
     /// Width and height.
-    pub fn size(&self) -> ImageSize {
+    pub(crate) fn size(&self) -> ImageSize {
         ImageSize::new(self.image_size[0], self.image_size[1])
     }
 
     /// A number of it, in pixels (those of the lens: no unit).
-    pub fn value(&self, p: Parameter) -> f64 {
+    pub(crate) fn value(&self, p: Parameter) -> f64 {
         match p {
             Parameter::Fx => self.fx,
             Parameter::Fy => self.fy,

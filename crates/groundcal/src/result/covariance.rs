@@ -45,7 +45,7 @@ impl<P: Copy + PartialEq> Covariance<P> {
     }
 
     /// Whether there is anything in it.
-    pub fn is_known(&self) -> bool {
+    pub(crate) fn is_known(&self) -> bool {
         !self.parameters.is_empty()
     }
 
@@ -56,7 +56,7 @@ impl<P: Copy + PartialEq> Covariance<P> {
     }
 
     /// The variance of one; zero where it was held or is not there.
-    pub fn variance(&self, p: P) -> f64 {
+    pub(crate) fn variance(&self, p: P) -> f64 {
         self.get(p, p)
     }
 
@@ -66,7 +66,7 @@ impl<P: Copy + PartialEq> Covariance<P> {
     }
 
     /// In other units: each parameter is multiplied by its factor.
-    pub fn scale(&mut self, factor: impl Fn(P) -> f64) {
+    pub(crate) fn scale(&mut self, factor: impl Fn(P) -> f64) {
         let factors: Vec<f64> = self.parameters.iter().map(|p| factor(*p)).collect();
         for (row, by_row) in self.matrix.iter_mut().zip(&factors) {
             for (value, by_column) in row.iter_mut().zip(&factors) {

@@ -3,7 +3,9 @@
 //! Pixels throughout, (0, 0) being the centre of the top-left pixel, as the lens gave them unless *ideal* is said (those of a lens
 //! without distortion). A residual is measured less predicted.
 
-use crate::pairs::placed_lens::PlacedLens;
+use nalgebra::{Matrix3, Vector2};
+
+use crate::{geometry::homography::Homography, pairs::placed_lens::PlacedLens};
 
 /// Everything that was measured and what became of it. Empty where nothing was kept.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -16,7 +18,19 @@ pub struct Evidence {
     /// Every point of the joint refinement in every image that sees it, by track, then image.
     pub observations: Vec<ObservationEvidence>,
     /// The lens under which the homographies of [`Self::pairs`] take ideal pixels to ideal pixels; `None`: none was undone.
-    pub lens: Option<PlacedLens>,
+    pub(crate) lens: Option<PlacedLens>,
+}
+
+impl Evidence {
+    /// Where a homography between ideal pixels takes a pixel of the first image in the second, lens and all; `None` beyond infinity, and
+    /// where the lens gives none.
+    pub fn carried(&self, h_b_from_a: &Matrix3<f64>, pixel: &Vector2<f64>) -> Option<Vector2<f64>> {
+        let h = Homography::new(*h_b_from_a).ok()?;
+        match &self.lens {
+            Some(lens) => lens.carried(&h, pixel),
+            None => h.apply(pixel),
+        }
+    }
 }
 
 /// What a pair of images showed by itself.
@@ -66,6 +80,6 @@ pub struct ObservationEvidence {
     pub residual_px: [f64; 2],
     /// Length of the residual in standard deviations of a residual (each of the two coordinates has one).
     pub standardised_residual: f64,
-    /// Whether it counted less because its residual is too large for its noise.
-    pub downweighted: bool,
+    /// By how much it counted less because its residual is too large for its noise; 1: it did not.
+    pub weight: f64,
 }

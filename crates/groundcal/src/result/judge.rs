@@ -32,7 +32,7 @@ const MAX_DESIGN_EFFECT: f64 = 2.6;
 const MAX_GENERAL_DESIGN_EFFECT: f64 = 5.0;
 
 /// On a calibration, from its warnings and residuals. `on_the_spot`: somebody vouches that a camera taken to turn on the spot did.
-pub fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
+pub(crate) fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
     let mut reasons: Vec<(VerdictLevel, VerdictReason)> = Vec::new();
     let mut add = |level: VerdictLevel, code: &str, message: String| {
         if !reasons.iter().any(|(_, r)| r.code == code) {

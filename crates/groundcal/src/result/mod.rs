@@ -32,7 +32,7 @@ pub(crate) mod warning;
 
 pub use calibration::{FORMAT_VERSION, SCHEMA_VERSION};
 pub use evidence::{Evidence, MatchEvidence, ObservationEvidence, PairEvidence};
-pub use judge::{level_with, verdict_on, verdict_on_refusal};
+pub use judge::{level_with, verdict_on_refusal};
 
 pub use crate::geometry::parameters::Parameter;
 pub use crate::geometry::parameters::PriorParameter;

@@ -31,15 +31,15 @@ pub enum VerdictLevel {
     Contradicted,
 }
 
-impl VerdictLevel {
-    /// As in files.
-    pub fn name(self) -> &'static str {
-        match self {
+/// The name as in files.
+impl std::fmt::Display for VerdictLevel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.pad(match self {
             Self::Trustworthy => "trustworthy",
             Self::Usable => "usable",
             Self::Unchecked => "unchecked",
             Self::Contradicted => "contradicted",
-        }
+        })
     }
 }
 

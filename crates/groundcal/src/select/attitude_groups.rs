@@ -45,7 +45,7 @@ pub(crate) enum HorizonSides {
 
 /// Motions of one attitude.
 #[derive(Debug, Clone)]
-pub struct AttitudeGroup {
+pub(crate) struct AttitudeGroup {
     /// Indices of the motions.
     pub members: Vec<usize>,
     /// Their common circular point.

@@ -6,5 +6,3 @@ pub(crate) mod general;
 pub(crate) mod plane_normal;
 pub(crate) mod rotations;
 pub(crate) mod selection;
-
-pub use attitude_groups::AttitudeGroup;

@@ -14,6 +14,7 @@ use crate::{
     },
     observer::{Observer, Silent},
     remedy::Remedy,
+    result::camera::Prior,
     select::attitude_groups::{AttitudeGroup, Motion, group_attitudes_until, regroup},
     start::absolute_conic::{
         ConicSolution, Constraint, Parameters, Priors, WeightedPoint, intrinsics_of, refine, solve_linear,
@@ -72,10 +73,10 @@ pub struct CameraSolution {
     pub covariance_px: SMatrix<f64, 5, 5>,
     /// Which of (fx, fy, cx, cy, skew) were estimated.
     pub estimated: [bool; 5],
-    /// Priors used: parameter name, mean, standard deviation, posterior over prior standard deviation.
-    pub priors: Vec<PriorUse>,
+    /// Priors used, and how much they counted.
+    pub priors: Vec<Prior>,
     /// Attitudes and the motions that show them.
-    pub groups: Vec<AttitudeGroup>,
+    pub(crate) groups: Vec<AttitudeGroup>,
     /// Sum of squared normalised residuals of the conic equations and priors.
     pub chi_squared: f64,
     /// Its degrees of freedom.
@@ -86,21 +87,6 @@ pub struct CameraSolution {
     pub attitude_sigma_estimated: bool,
     /// Factor on the covariance because the motions disagree by more than their noise (1: none).
     pub variance_inflation: f64,
-}
-
-/// How much a prior counted.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PriorUse {
-    /// The parameter.
-    pub parameter: PriorParameter,
-    /// Mean: pixels, or a ratio for `aspect`.
-    pub mean: f64,
-    /// Standard deviation, same unit.
-    pub sigma: f64,
-    /// Posterior over prior standard deviation: 1 says that the prior alone decided, 0 that the images did.
-    pub posterior_over_prior: f64,
-    /// Distance between the mean and what the images alone say, in deviations of both together; `None`: not known.
-    pub conflict: Option<f64>,
 }
 
 /// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
@@ -144,7 +130,7 @@ impl CameraOptions {
 
 impl CameraOptions {
     /// What the priors were and what the covariance of (ln fx, ln fy/fx, cx, cy, skew), frame units, says they were worth.
-    pub(crate) fn prior_uses(&self, frame: &Frame, covariance: &SMatrix<f64, 5, 5>) -> Vec<PriorUse> {
+    pub(crate) fn prior_uses(&self, frame: &Frame, covariance: &SMatrix<f64, 5, 5>) -> Vec<Prior> {
         let scale = frame.scale_px;
         let origins = [0.0, 0.0, frame.origin_px.x, frame.origin_px.y, 0.0];
         let priors = self.priors(frame);
@@ -156,7 +142,7 @@ impl CameraOptions {
                     1 => (mean.exp(), mean.exp()),
                     _ => (mean * scale + origins[i], scale),
                 };
-                Some(PriorUse {
+                Some(Prior {
                     parameter: PriorParameter::ALL[i],
                     mean,
                     sigma: sigma * unit,

@@ -11,9 +11,9 @@ pub(crate) mod rotating_camera;
 pub(crate) mod transferred;
 pub(crate) mod unweighted_camera;
 
-pub use absolute_conic::{Constraint, residual_by_camera};
+pub use absolute_conic::Constraint;
 pub use closed_forms::{
     LinearCamera, rotating_camera, unweighted_camera, unweighted_camera_with_covariance, weighted_camera,
 };
-pub use linear_camera::{CameraSolution, GivenPrior, PriorParameter, PriorUse};
+pub use linear_camera::{CameraSolution, GivenPrior, PriorParameter};
 pub use transferred::calibrate_transferred;

@@ -6,4 +6,4 @@ pub(crate) mod points;
 
 pub use bound::{HeightModel, cramer_rao_bound, plane_views_bound};
 pub use plane_views::{PlaneViewScene, PlaneViews};
-pub use points::{MotionSpec, NOMINAL_RANGE, PointScene, SyntheticPair, turning_pairs};
+pub use points::{MotionSpec, PointScene, SyntheticPair, turning_pairs};

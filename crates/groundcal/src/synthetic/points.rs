@@ -78,7 +78,7 @@ fn heading(yaw_rad: f64) -> Vector3<f64> {
 }
 
 /// Nominal [`PointScene::reach`].
-pub const NOMINAL_RANGE: f64 = 30.0;
+pub(crate) const NOMINAL_RANGE: f64 = 30.0;
 
 /// A scene of points.
 #[derive(Debug, Clone, PartialEq)]

@@ -12,21 +12,16 @@
 //! it is multiplied with at the solution), carried to b by the Jacobian of f, and with clipped residuals instead of weights
 //! (Huber & Dutter 1974): the normal matrix is one of the template alone, inverted once.
 //!
-//! Templates belong to an image, not to a pair ([`template_grid`]): matches of one image with several others share their
+//! Templates belong to an image, not to a pair (`template_grid_until`): matches of one image with several others share their
 //! places exactly and join to tracks.
 
 use multiversion::multiversion;
 use nalgebra::{Matrix2, Matrix4, Vector2, Vector4};
 use rayon::prelude::*;
 
-use crate::{
-    error::Error,
-    observer::{Observer, Silent},
-    pairs::correspondence::PointMatch,
-    vision::image::GrayImage,
-};
+use crate::{error::Error, observer::Observer, pairs::correspondence::PointMatch, vision::image::GrayImage};
 
-/// Options of [`match_patches`].
+/// How patches are sought.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PatchOptions {
     /// Half the side of a patch in pixels: a patch has (2 r + 1)² pixels.
@@ -61,7 +56,7 @@ impl Default for PatchOptions {
 
 /// A patch found again.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PatchMatch {
+pub(crate) struct PatchMatch {
     /// Centre in image a, pixels.
     pub a: Vector2<f64>,
     /// Where it is in image b, pixels.
@@ -96,11 +91,6 @@ fn margin_px(options: &PatchOptions) -> usize {
 /// Places of an image's templates: in every cell of a grid the one with the best texture, row by row. The cells are so wide,
 /// and the places so far from their borders, that templates do not overlap: their noise is independent. In images of up to
 /// a megapixel the cells are no larger than a template: more patches tell more than better ones.
-pub fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize)> {
-    template_grid_until(a, options, &Silent).unwrap_or_default()
-}
-
-/// The same under an observer's eyes.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
@@ -145,6 +135,12 @@ pub(crate) fn template_grid_until(
         grid.extend(best.into_iter().flatten().filter(|(texture, _)| *texture > MIN_TEXTURE).map(|(_, place)| place));
     }
     Ok(grid)
+}
+
+/// The same without an observer.
+#[cfg(test)]
+pub(crate) fn template_grid(a: &GrayImage, options: &PatchOptions) -> Vec<(usize, usize)> {
+    template_grid_until(a, options, &crate::observer::Silent).unwrap_or_default()
 }
 
 /// Whether the image's mask holds all of the patch at this place.
@@ -206,19 +202,8 @@ impl TextureLines {
     }
 }
 
-/// Matches the templates at `grid` (see [`template_grid`]) that image b sees, given a map from pixels of a to pixels of b good
+/// Matches the templates at `grid` (see [`template_grid_until`]) that image b sees, given a map from pixels of a to pixels of b good
 /// to a pixel or two. In the order of the grid; the same whatever the number of threads.
-pub fn match_patches(
-    a: &GrayImage,
-    grid: &[(usize, usize)],
-    b: &GrayImage,
-    map: &(dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>> + Sync),
-    options: &PatchOptions,
-) -> Vec<PatchMatch> {
-    match_patches_until(a, grid, b, map, options, &Silent).unwrap_or_default()
-}
-
-/// The same under an observer's eyes.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
@@ -244,6 +229,18 @@ pub(crate) fn match_patches_until(
         )
         .collect::<Result<_, Error>>()?;
     Ok(found.into_iter().flatten().collect())
+}
+
+/// The same without an observer.
+#[cfg(test)]
+pub(crate) fn match_patches(
+    a: &GrayImage,
+    grid: &[(usize, usize)],
+    b: &GrayImage,
+    map: &(dyn Fn(&Vector2<f64>) -> Option<Vector2<f64>> + Sync),
+    options: &PatchOptions,
+) -> Vec<PatchMatch> {
+    match_patches_until(a, grid, b, map, options, &crate::observer::Silent).unwrap_or_default()
 }
 
 /// The quadratic through the map at a patch's centre, edges and corners.

@@ -84,11 +84,6 @@ impl<T: Depth> Raster<T> {
         &self.data
     }
 
-    /// All values, without a copy.
-    pub fn into_data(self) -> Vec<T> {
-        self.data
-    }
-
     /// The values of a pixel.
     #[cfg(test)]
     pub(crate) fn pixel(&self, x: usize, y: usize) -> &[T] {
@@ -141,6 +136,13 @@ impl<T: Depth> Raster<T> {
     }
 }
 
+/// Its values, without a copy.
+impl<T> From<Raster<T>> for Vec<T> {
+    fn from(picture: Raster<T>) -> Self {
+        picture.data
+    }
+}
+
 /// A picture with copies halved again and again.
 #[derive(Debug, Clone)]
 pub struct Pyramid<T = u8> {
@@ -174,7 +176,7 @@ impl<T: Depth> Pyramid<T> {
     }
 
     /// The picture.
-    pub fn picture(&self) -> &Raster<T> {
+    pub(crate) fn picture(&self) -> &Raster<T> {
         &self.levels[0]
     }
 

@@ -56,7 +56,7 @@ const MIN_MOVING: f64 = 0.01;
 
 /// What stands still in all images.
 #[derive(Debug, Clone, PartialEq)]
-pub struct StillParts {
+pub(crate) struct StillParts {
     /// The rest of the picture.
     pub mask: Arc<Mask>,
     /// Fraction of the places with detail that stand still.
@@ -68,7 +68,7 @@ impl StillParts {
     ///
     /// # Errors
     /// [`Error::InvalidInput`] where an image has another size.
-    pub fn set_aside(&self, images: &[GrayImage]) -> Result<Vec<GrayImage>, Error> {
+    pub(crate) fn set_aside(&self, images: &[GrayImage]) -> Result<Vec<GrayImage>, Error> {
         images.iter().map(|image| image.clone().masked(Arc::clone(&self.mask))).collect()
     }
 }
@@ -78,7 +78,7 @@ impl StillParts {
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
-pub fn still_parts(images: &[GrayImage], observer: &dyn Observer) -> Result<Option<StillParts>, Error> {
+pub(crate) fn still_parts(images: &[GrayImage], observer: &dyn Observer) -> Result<Option<StillParts>, Error> {
     let Some(size) = images.first().map(GrayImage::size) else { return Ok(None) };
     if images.len() < MIN_IMAGES || images.iter().any(|i| i.size() != size) {
         return Ok(None);

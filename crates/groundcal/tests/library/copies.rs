@@ -1,7 +1,7 @@
 //! A picture under another name, and matches under other names, count once.
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
+    Options, Silent, calibrate_matches,
     pairs::{ImagePair, PointMatch},
     result::{Calibration, Parameter, Warning},
     synthetic::PointScene,

@@ -1,7 +1,7 @@
 //! Exact matches: the camera to 1e-9 relative under every constraint, whatever the order or the unit.
 
 use groundcal::{
-    calibrate::{LensModel, Options, Silent, calibrate_matches},
+    LensModel, Options, Silent, calibrate_matches,
     geometry::{ImageSize, Intrinsics},
     pairs::{ImagePair, PointMatch},
     result::Camera,

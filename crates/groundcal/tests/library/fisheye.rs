@@ -1,8 +1,7 @@
 //! A lens of a model that sees to both sides and behind: given, its pixels pass through rays; not given, it is found.
 
 use groundcal::{
-    Error, Silent,
-    calibrate::{LensModel, Method, MotionModel, Options, calibrate_matches},
+    Error, LensModel, Method, MotionModel, Options, Silent, calibrate_matches,
     geometry::{Camera, Constraint, Fisheye, ImageSize, Intrinsics, Lens},
     pairs::ImagePair,
     result::{Calibration, LensSource, Parameter, Warning},
@@ -65,7 +64,7 @@ fn matches_at_and_beyond_90_degrees_bring_the_camera_back() {
         let c = calibrated(scene, &Options { method, constraint: Constraint::ZeroSkew, ..options(scene) });
         assert_eq!(c.method, method, "{:?}", c.warnings);
         assert!(errors(&c).iter().all(|e| e.abs() < tolerance), "{method:?} {:?}", errors(&c));
-        assert_eq!((c.camera.lens(), c.camera.distortion.source), (scene.lens, LensSource::Given));
+        assert_eq!((c.camera.model().lens, c.camera.distortion.source), (scene.lens, LensSource::Given));
         assert!(c.motions.iter().all(|m| m.used && m.matches > 290), "{:?}", c.motions);
     }
 }
@@ -142,7 +141,8 @@ fn a_fisheye_that_nobody_named_is_found() {
     {
         let (scene, c) = blind(Lens::Fisheye(Fisheye::new(coefficients)), 600.0, seed as u64);
         assert!(is_said(&c) && c.camera.distortion.source == LensSource::Estimated, "{:?}", c.warnings);
-        let Lens::Fisheye(found) = c.camera.lens() else { panic!("{:?}", c.camera.distortion) };
+        let found = c.camera.model().lens;
+        assert!(matches!(found, Lens::Fisheye(_)), "{:?}", c.camera.distortion);
         let off = (c.camera.fx / scene.intrinsics.fx - 1.0).abs();
         let sigma = c.standard_deviation(Parameter::Fx).expect("estimated");
         println!("{coefficients:?}: fx {:.3} +- {sigma:.3}, {:?}", c.camera.fx, found.parameters());
@@ -158,7 +158,7 @@ fn a_fisheye_that_nobody_named_is_found() {
 fn a_lens_of_brown_and_conrady_stays_one() {
     for (seed, k1) in [0.0, -0.1, -0.2, -0.3].into_iter().enumerate() {
         let (scene, c) = blind(Lens::radial(k1, 0.1 * k1.abs()), 900.0, seed as u64);
-        assert!(!is_said(&c) && matches!(c.camera.lens(), Lens::Radtan(_)), "{k1}: {:?}", c.warnings);
+        assert!(!is_said(&c) && matches!(c.camera.model().lens, Lens::Radtan(_)), "{k1}: {:?}", c.warnings);
         let sigma = c.standard_deviation(Parameter::Fx).expect("estimated");
         assert!((c.camera.fx - scene.intrinsics.fx).abs() < 4.0 * sigma);
     }
@@ -182,7 +182,7 @@ fn a_fisheye_that_is_named_is_told_from_the_planes() {
             let names: Vec<String> = (0..6).map(|i| format!("{i}.png")).collect();
             let c = calibrate_matches(&names, SIZE, &pairs, &options, &Silent)
                 .unwrap_or_else(|e| panic!("{degrees} degrees, {motion:?}: {e}"));
-            assert_eq!((c.camera.lens().name(), c.camera.distortion.source), ("fisheye", LensSource::Estimated));
+            assert_eq!((c.camera.model().lens.name(), c.camera.distortion.source), ("fisheye", LensSource::Estimated));
             let z = |p: Parameter, truth: f64| (c.value(p) - truth) / c.standard_deviation(p).expect("estimated");
             let truths = [(Parameter::Fx, focal_px), (Parameter::Cx, 506.5), (Parameter::K1, ks[0])];
             let off = (c.camera.fx / focal_px - 1.0).abs();
@@ -199,10 +199,10 @@ fn a_lens_said_to_be_no_fisheye_is_taken_for_none() {
     let names: Vec<String> = (0..2 * scene.motions.len()).map(|i| i.to_string()).collect();
     let options = Options { lens: LensModel::Radtan, ..Options::default() };
     let c = calibrate_matches(&names, scene.size, &pairs(&scene), &options, &Silent).expect("a camera");
-    assert!(!is_said(&c) && matches!(c.camera.lens(), Lens::Radtan(_)), "{:?}", c.camera.distortion);
+    assert!(!is_said(&c) && matches!(c.camera.model().lens, Lens::Radtan(_)), "{:?}", c.camera.distortion);
     // The same of a fisheye: whatever comes of it, it is none.
     let scene = blind_scene(Lens::Fisheye(Fisheye::new([0.0; 4])), 600.0, 1);
     if let Ok(c) = calibrate_matches(&names, scene.size, &pairs(&scene), &options, &Silent) {
-        assert!(!is_said(&c) && !matches!(c.camera.lens(), Lens::Fisheye(_)));
+        assert!(!is_said(&c) && !matches!(c.camera.model().lens, Lens::Fisheye(_)));
     }
 }

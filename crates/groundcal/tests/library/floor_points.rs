@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
+    Options, Silent, calibrate_matches,
     floor::{FloorPoint, FloorView, KnownDistance, MeasuringView, with_floor_distance},
     geometry::{Intrinsics, Lens, Radtan},
     pairs::ImagePair,

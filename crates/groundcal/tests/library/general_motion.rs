@@ -1,8 +1,7 @@
 //! Any motion before one plane.
 
 use groundcal::{
-    Error, Silent,
-    calibrate::{LensModel, MotionModel, Options, calibrate_matches},
+    Error, LensModel, MotionModel, Options, Silent, calibrate_matches,
     geometry::{Constraint, Intrinsics, Lens},
     result::{Calibration, MotionKind, Parameter},
     synthetic::{PlaneViewScene, plane_views_bound},

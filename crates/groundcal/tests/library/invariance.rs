@@ -4,7 +4,7 @@
 //! `PROPTEST_CASES=200 cargo test --release -p groundcal --test library invariance` draws more than the few of every run.
 
 use groundcal::{
-    calibrate::{Options, Silent, calibrate_matches},
+    Options, Silent, calibrate_matches,
     geometry::{ImageSize, Intrinsics},
     pairs::{ImagePair, PointMatch},
     result::{Calibration, Parameter},

@@ -1,8 +1,7 @@
 //! What is estimated of a lens: decentring always, k3 where the residuals ask for it.
 
 use groundcal::{
-    Silent,
-    calibrate::{Options, calibrate_matches},
+    Options, Silent, calibrate_matches,
     geometry::{Lens, Radtan},
     pairs::ImagePair,
     result::{Calibration, Parameter},

@@ -1,8 +1,7 @@
 //! Priors against data: what the matches contradict is released and said, what they do not stays; what has not come to an answer is none.
 
 use groundcal::{
-    Error,
-    calibrate::{Options, Silent, calibrate_matches},
+    Error, Options, Silent, calibrate_matches,
     geometry::{ImageSize, Intrinsics},
     pairs::{ImagePair, PointMatch},
     result::{Calibration, Parameter, PriorParameter, Warning},

@@ -1,8 +1,7 @@
 //! The rotating-camera method from matches: exact data, lenses, degenerate turns, cameras that move.
 
 use groundcal::{
-    Error,
-    calibrate::{LensModel, Method, Options, Silent, calibrate_matches},
+    Error, LensModel, Method, Options, Silent, calibrate_matches,
     geometry::{ImageSize, Intrinsics, Lens},
     pairs::ImagePair,
     result::{Calibration, LensSource, Scene},
@@ -52,7 +51,7 @@ fn exact_matches_of_a_pan_tilt_head_give_the_camera() {
     let pairs = pairs(&PAN_TILT, &Lens::None, 0.0, 1);
     for constraint in [Constraint::Auto, Constraint::ZeroSkew, Constraint::Full] {
         let c = calibrate(&pairs, rotating(constraint)).expect("a camera");
-        assert!(errors(&c).iter().all(|e| e.abs() < 1e-6), "{}: {:?}", constraint.name(), errors(&c));
+        assert!(errors(&c).iter().all(|e| e.abs() < 1e-6), "{constraint}: {:?}", errors(&c));
         let expected = if constraint == Constraint::Full { constraint } else { Constraint::ZeroSkew };
         assert_eq!((c.method, c.constraint, c.scene), (Method::Rotating, expected, Some(Scene::Directions)));
         assert!(c.motions.iter().all(|m| m.used), "{:?}", c.motions);

@@ -1,7 +1,7 @@
 //! Seeded Monte Carlo trials of the linear method on synthetic matches against the Cramér-Rao bound.
 
 use groundcal::{
-    calibrate::{LensModel, Options, Silent, calibrate_matches},
+    LensModel, Options, Silent, calibrate_matches,
     pairs::ImagePair,
     start::Constraint,
     synthetic::{HeightModel, PointScene, cramer_rao_bound},

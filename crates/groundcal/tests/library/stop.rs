@@ -13,12 +13,8 @@ use std::{
 };
 
 use groundcal::{
-    Error,
-    calibrate::{Observer, Options, Stage, calibrate_images, calibrate_matches},
-    geometry::ImageSize,
-    pairs::ImagePair,
-    synthetic::PointScene,
-    vision::GrayImage,
+    Error, Observer, Options, Stage, calibrate_images, calibrate_matches, geometry::ImageSize, pairs::ImagePair,
+    synthetic::PointScene, vision::GrayImage,
 };
 
 /// Says stop at a poll and ever after, and counts what happens.

@@ -1,7 +1,7 @@
 //! What is said of an answer: whether to trust it, and why not more.
 
 use groundcal::{
-    calibrate::{MotionModel, Options, Silent, calibrate_matches},
+    MotionModel, Options, Silent, calibrate_matches,
     geometry::{ImageSize, Intrinsics, Lens, rotation_cam_from_world},
     pairs::{ImagePair, PointMatch},
     result::{Calibration, Verdict, VerdictLevel},

@@ -104,7 +104,7 @@ fn then(report: &PlanReport, args: &PlanArgs) -> String {
         let _ = write!(command, " --principal-point {x},{y}");
     }
     for p in &args.prior {
-        let _ = write!(command, " --prior {}={}+-{}", p.parameter.name(), p.mean, p.sigma);
+        let _ = write!(command, " --prior {}={}+-{}", p.parameter, p.mean, p.sigma);
     }
     if let Some(lens) = args.distortion.to_possible_value().filter(|_| args.distortion != DistortionArg::Auto) {
         let _ = write!(command, " --distortion {}", lens.get_name());

@@ -108,7 +108,7 @@ fn table(study: Study, rows: &[Row]) -> Result<Vec<u8>, LabError> {
                 six_digits_trimmed(c.turn_deg),
                 six_digits_trimmed(c.axis_error_deg),
                 name.to_string(),
-                constraint.name().to_string(),
+                constraint.to_string(),
                 s.trials.to_string(),
                 s.failures.to_string(),
                 row.fewest_matches.to_string(),

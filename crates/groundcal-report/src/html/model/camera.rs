@@ -2,10 +2,11 @@
 
 use groundcal::{
     geometry::Lens,
-    numerics::NORMAL_95,
     result::{Calibration, Parameter, PriorParameter},
 };
 use serde::Serialize;
+
+use crate::number::interval_95;
 
 /// The camera.
 #[derive(Debug, Serialize)]
@@ -55,7 +56,7 @@ pub(crate) fn camera(c: &Calibration) -> CameraNumbers {
         .filter(|p| is_shown(c, *p))
         .map(|p| {
             let (value, sigma) = (c.value(p), c.standard_deviation(p));
-            let correlation = c.covariance(fx, p) / (c.covariance(fx, fx) * c.covariance(p, p)).sqrt();
+            let correlation = c.covariance.get(fx, p) / (c.covariance.get(fx, fx) * c.covariance.get(p, p)).sqrt();
             // The prior of fy is one of fy / fx: the ratio's own narrowing counts.
             let told = |p: f64| (1.0 - p * p).clamp(0.0, 1.0);
             let narrowed = c.prior(p.prior()).map(|p| p.posterior_over_prior);
@@ -65,7 +66,7 @@ pub(crate) fn camera(c: &Calibration) -> CameraNumbers {
                 // Adding zero turns -0 into 0.
                 value: value + 0.0,
                 sigma,
-                interval: sigma.map(|s| [value - NORMAL_95 * s, value + NORMAL_95 * s]),
+                interval: sigma.map(|s| interval_95(value, s)),
                 prior: prior_of(c, p),
                 from_images: sigma.map(|_| narrowed.map_or(1.0, told)),
                 correlation_with_fx: sigma.and(Some(correlation)).filter(|r| p != fx && r.is_finite()),
@@ -92,7 +93,7 @@ fn lens(c: &Calibration) -> Vec<LensPoint> {
     const RADIAL: [(Parameter, i32); 3] = [(Parameter::K1, 3), (Parameter::K2, 5), (Parameter::K3, 7)];
     let camera = &c.camera;
     let none = RADIAL.iter().all(|(k, _)| c.value(*k) == 0.0) && c.standard_deviation.k1.is_none();
-    if none || !matches!(camera.lens(), Lens::None | Lens::Radtan(_)) {
+    if none || !matches!(camera.model().lens, Lens::None | Lens::Radtan(_)) {
         return Vec::new();
     }
     let [w, h] = camera.image_size.map(|s| s as f64 - 1.0);
@@ -103,7 +104,7 @@ fn lens(c: &Calibration) -> Vec<LensPoint> {
             let rho = radius_px / camera.fx;
             let by = RADIAL.map(|(k, power)| (k, rho.powi(power) * camera.fx));
             let covariances =
-                by.iter().flat_map(|(a, by_a)| by.iter().map(move |(b, by_b)| by_a * by_b * c.covariance(*a, *b)));
+                by.iter().flat_map(|(a, by_a)| by.iter().map(move |(b, by_b)| by_a * by_b * c.covariance.get(*a, *b)));
             LensPoint {
                 radius_px,
                 outwards_px: by.iter().map(|(k, by_k)| by_k * c.value(*k)).sum(),

@@ -50,7 +50,7 @@ pub(crate) fn maps(c: &Calibration) -> Vec<FloorMap> {
             yaw_sigma_deg: v.yaw_sigma_deg,
             heading: heading.into(),
             seen: view
-                .seen_floor(c.camera.size(), DRAWN_RANGE_HEIGHTS * position[2])
+                .seen_floor(c.camera.model().size, DRAWN_RANGE_HEIGHTS * position[2])
                 .iter()
                 .map(|p| (*p).into())
                 .collect(),

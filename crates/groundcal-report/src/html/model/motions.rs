@@ -3,8 +3,7 @@
 use groundcal::{
     Wording,
     floor::{FloorGrid, FloorView},
-    geometry::{Homography, ImageSize, View},
-    numerics::components,
+    geometry::{ImageSize, View},
     result::{Calibration, Evidence, MotionReport, PairEvidence},
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -87,7 +86,7 @@ impl OverlayMap {
         match (which, &self.second) {
             (0, _) => self.first.pixel_from_floor(&floor),
             (_, Second::View(view)) => view.pixel_from_floor(&floor),
-            (_, Second::Homography(h)) => transferred(h, e, &self.first.pixel_from_floor(&floor)?),
+            (_, Second::Homography(h)) => e.carried(h, &self.first.pixel_from_floor(&floor)?),
         }
     }
 }
@@ -129,7 +128,7 @@ impl OverlayMap {
             (0, _) => self.first.floor_from_pixel(&pixel)?,
             (_, Second::View(view)) => view.floor_from_pixel(&pixel)?,
             (_, Second::Homography(h)) => {
-                let a = transferred(&h.try_inverse()?, e, &pixel)?;
+                let a = e.carried(&h.try_inverse()?, &pixel)?;
                 self.first.floor_from_pixel(&a)?
             }
         };
@@ -224,8 +223,7 @@ pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<
             if like.len() >= enough { like } else { Vec::new() }
         })
         .collect();
-    let edges = among.iter().enumerate().flat_map(|(i, like)| like.iter().map(move |&k| (i, k)));
-    let label = components(rejected.len(), edges);
+    let label = joined(&among);
     let mut found: Vec<Cluster> = (0..rejected.len())
         .map(|root| (0..rejected.len()).filter(|&i| label[i] == root).map(|i| rejected[i]).collect::<Vec<_>>())
         .filter(|members| members.len() >= CLUSTER_REJECTED)
@@ -249,15 +247,24 @@ pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<
 /// Where the pair's homography takes a pixel of the first image in the second, lens and all.
 fn carried(p: &PairEvidence, e: &Evidence, a: Vector2<f64>) -> Option<Vector2<f64>> {
     let h = Matrix3::from_fn(|r, k| p.h_b_from_a.map_or(if r == k { 1.0 } else { 0.0 }, |h| h[r][k]));
-    transferred(&h, e, &a)
+    e.carried(&h, &a)
 }
 
-fn transferred(h: &Matrix3<f64>, e: &Evidence, a: &Vector2<f64>) -> Option<Vector2<f64>> {
-    let h = Homography::new(*h).ok()?;
-    match &e.lens {
-        Some(lens) => lens.carried(&h, a),
-        None => h.apply(a),
+/// The points that are joined to each, named by the first of them.
+fn joined(neighbours: &[Vec<usize>]) -> Vec<usize> {
+    let mut name: Vec<usize> = (0..neighbours.len()).collect();
+    let mut settled = false;
+    while !settled {
+        settled = true;
+        for (i, near) in neighbours.iter().enumerate() {
+            let first = near.iter().map(|&k| name[k]).fold(name[i], usize::min);
+            for &k in near.iter().chain([&i]) {
+                settled &= name[k] == first;
+                name[k] = first;
+            }
+        }
     }
+    name
 }
 
 fn inside(p: Vector2<f64>, [width, height]: [usize; 2]) -> bool {
@@ -265,7 +272,7 @@ fn inside(p: Vector2<f64>, [width, height]: [usize; 2]) -> bool {
 }
 
 fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<Overlay> {
-    let (camera, size) = (&c.camera, c.camera.size());
+    let (camera, size) = (&c.camera, c.camera.model().size);
     let view = |name: &str| c.views.iter().find(|v| v.image == name);
     let (first, second) = match (view(&report.from), view(&report.to)) {
         (Some(a), Some(b)) if a.origin == b.origin => {
@@ -282,7 +289,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
             };
             let h = p.h_b_from_a?;
             (
-                FloorView::new(&camera.intrinsics(), camera.lens(), &pose).ok()?,
+                FloorView::new(&camera.intrinsics(), camera.model().lens, &pose).ok()?,
                 Second::Homography(Matrix3::from_fn(|r, k| h[r][k])),
             )
         }
@@ -290,7 +297,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
     let height = first.centre().z;
     let heading = first.heading();
     let right = Vector2::new(heading.y, -heading.x);
-    let foot = first.foot();
+    let foot = first.centre().xy();
     // What the matches cover, with some room: far floor is mostly blur.
     let near = |q: &Vector2<f64>| (q - foot).norm() < OVERLAY_RANGE_HEIGHTS * height;
     let accepted = p.matches.iter().filter(|m| m.accepted);

@@ -3,10 +3,7 @@
 //! Means are weighted by 1 / σ², σ being the deviation of each residual; a point's residuals in its two or more images are
 //! parts of one error, so the deviation of a mean is that of independent ones.
 
-use groundcal::{
-    numerics::HUBER_SIGMAS,
-    result::{Calibration, ObservationEvidence, Refinement},
-};
+use groundcal::result::{Calibration, ObservationEvidence, Refinement};
 use serde::Serialize;
 
 /// Residuals, measured less predicted, in pixels.
@@ -116,8 +113,7 @@ fn weighted(o: &ObservationEvidence) -> Option<Weighted<'_>> {
 impl Weighted<'_> {
     /// Less for what is too far off, as in the refinement.
     fn weight(&self) -> f64 {
-        let loss = if self.o.downweighted { HUBER_SIGMAS / self.o.standardised_residual } else { 1.0 };
-        loss / (self.sigma_px * self.sigma_px)
+        self.o.weight / (self.sigma_px * self.sigma_px)
     }
 }
 
@@ -145,7 +141,7 @@ pub(crate) fn residuals(c: &Calibration) -> Option<Residuals> {
                 observations: list.len(),
                 rms_px: (squares(&|w| w.o.residual_px[0].hypot(w.o.residual_px[1])) / n).sqrt(),
                 weighted_rms: (squares(&|w| w.o.standardised_residual) / (2.0 * n)).sqrt(),
-                downweighted: list.iter().filter(|w| w.o.downweighted).count(),
+                downweighted: list.iter().filter(|w| w.o.weight < 1.0).count(),
                 field: field(list, c.camera.image_size, CELLS_ONE),
             }
         })
@@ -260,15 +256,7 @@ mod tests {
 
     fn seen(pixel: [f64; 2], residual_px: [f64; 2]) -> ObservationEvidence {
         let standardised_residual = residual_px[0].hypot(residual_px[1]) / 0.1;
-        ObservationEvidence {
-            image: 0,
-            track: 0,
-            patch: false,
-            pixel,
-            residual_px,
-            standardised_residual,
-            downweighted: false,
-        }
+        ObservationEvidence { image: 0, track: 0, patch: false, pixel, residual_px, standardised_residual, weight: 1.0 }
     }
 
     #[test]

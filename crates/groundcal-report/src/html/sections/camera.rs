@@ -45,8 +45,8 @@ fn row(p: &CameraNumber, c: &Calibration) -> Vec<String> {
     let dash = || NONE.to_string();
     let source = match (p.sigma, p.name) {
         (Some(_), _) => None,
-        (None, _) if p.unit.is_empty() => Some(c.camera.distortion.source.name()),
-        _ => Some("held"),
+        (None, _) if p.unit.is_empty() => Some(c.camera.distortion.source.to_string()),
+        _ => Some("held".into()),
     };
     let relative = if p.unit == "px" {
         p.sigma.map_or(String::new(), |s| format!(" ({} % of fx)", fixed(100.0 * s / c.camera.fx, 3)))
@@ -58,7 +58,7 @@ fn row(p: &CameraNumber, c: &Calibration) -> Vec<String> {
         format!("{}{unit}", fixed(p.value, digits)),
         match (p.sigma, source) {
             (Some(s), _) => format!("{}{unit}{relative}", fixed(s, digits)),
-            (None, Some(source)) => source.to_string(),
+            (None, Some(source)) => source,
             _ => dash(),
         },
         p.interval.map_or_else(dash, |[low, high]| format!("{} to {}", fixed(low, digits), fixed(high, digits))),

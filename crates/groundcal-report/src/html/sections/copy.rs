@@ -38,7 +38,7 @@ fn as_text(c: &Calibration) -> String {
     ];
     let wide = cells.iter().flatten().map(String::len).max().unwrap_or(0);
     let row = |r: &[String; 3]| r.iter().map(|v| format!("{v:>wide$}")).collect::<Vec<_>>().join("  ");
-    let lens = k.lens();
+    let lens = k.model().lens;
     let named: Vec<String> = lens
         .parameter_names()
         .iter()
@@ -54,17 +54,17 @@ fn as_numpy(c: &Calibration) -> String {
     let k = &c.camera;
     let matrix =
         format!("K = np.array([[{}], [{}], [0, 0, 1]])", list(&[k.fx, k.skew, k.cx]), list(&[0.0, k.fy, k.cy]));
-    match coefficients(&k.lens()) {
+    match coefficients(&k.model().lens) {
         Some(("equidistant", d)) => format!("{matrix}\ndist = np.array([{}])  # cv2.fisheye", list(&d)),
         Some((_, d)) => format!("{matrix}\ndist = np.array([{}])", list(&d)),
-        None => format!("{matrix}\n# OpenCV has no lens model {}", k.lens().name()),
+        None => format!("{matrix}\n# OpenCV has no lens model {}", k.model().lens.name()),
     }
 }
 
 fn as_yaml(c: &Calibration) -> String {
     let k = &c.camera;
     let matrix = list(&[k.fx, k.skew, k.cx, 0.0, k.fy, k.cy, 0.0, 0.0, 1.0]);
-    let lens = match coefficients(&k.lens()) {
+    let lens = match coefficients(&k.model().lens) {
         Some((model, d)) => {
             format!(
                 "distortion_model: {model}\ndistortion_coefficients:\n  rows: 1\n  cols: {}\n  data: [{}]",
@@ -72,7 +72,7 @@ fn as_yaml(c: &Calibration) -> String {
                 list(&d)
             )
         }
-        None => format!("# no such lens model: {}", k.lens().name()),
+        None => format!("# no such lens model: {}", k.model().lens.name()),
     };
     let [w, h] = k.image_size;
     format!("image_width: {w}\nimage_height: {h}\ncamera_matrix:\n  rows: 3\n  cols: 3\n  data: [{matrix}]\n{lens}")

@@ -98,7 +98,7 @@ fn headline(c: &Calibration, model: &Model) -> String {
             Some(MotionKind::General) => "views of one plane, each with an attitude of its own".to_string(),
             _ => format!("motions, {}", counted(c.attitudes.len(), "attitude")),
         },
-        escape(c.constraint.name()),
+        escape(&c.constraint.to_string()),
         match c.method {
             Method::Joint => "joint refinement",
             Method::Linear => "linear method, weighted and polished",
@@ -149,7 +149,7 @@ fn footer(c: &Calibration, command: Option<&str>) -> String {
 fn verdict(c: &Calibration) -> String {
     let Some(v) = &c.verdict else { return String::new() };
     let own: String = beside_warnings(c).iter().map(|r| format!("<br>{}.", escape(&sentence(&r.message)))).collect();
-    format!("<p class=\"verdict {}\"><strong>{}.</strong>{own}</p>\n", v.level.name(), escape(&verdict_line(v)))
+    format!("<p class=\"verdict {}\"><strong>{}.</strong>{own}</p>\n", v.level, escape(&verdict_line(v)))
 }
 
 /// With a capital at its beginning.

@@ -94,12 +94,12 @@ fn pairs(c: &Calibration) -> String {
 }
 
 fn covariance(c: &Calibration) -> String {
-    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| c.covariance(*p, *p) > 0.0).collect();
+    let free: Vec<Parameter> = Parameter::ALL.into_iter().filter(|p| c.covariance.get(*p, *p) > 0.0).collect();
     let heads: Vec<&str> = [""].into_iter().chain(free.iter().map(|p| p.name())).collect();
     let rows: Vec<Vec<String>> = free
         .iter()
         .map(|r| {
-            let values = free.iter().map(|k| typeset(&format!("{:.3e}", c.covariance(*r, *k))));
+            let values = free.iter().map(|k| typeset(&format!("{:.3e}", c.covariance.get(*r, *k))));
             [r.to_string()].into_iter().chain(values).collect()
         })
         .collect();

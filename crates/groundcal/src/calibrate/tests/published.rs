@@ -66,7 +66,7 @@ fn the_answer_is_that_of_the_three_steps() {
         let points: Vec<ComplexPoint> = (c.evidence.pairs.iter())
             .map(|pair| {
                 let accepted = pair.matches.iter().filter(|m| m.accepted);
-                let local = |p: [f64; 2]| frame.from_pixel(&p.into());
+                let local = |p: [f64; 2]| frame.local(&p.into());
                 let matches: Vec<PointMatch> =
                     accepted.map(|m| PointMatch::new(local(m.a).into(), local(m.b).into())).collect();
                 let (h, _) = direct_linear_transformation(&matches).unwrap();

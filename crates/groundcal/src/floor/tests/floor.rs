@@ -49,7 +49,7 @@ fn poses_horizons_and_distances_are_within_their_error_bars() {
                 errors.push((2, (position[1] - shift.y) / sigma[1]));
 
                 let attitude = &c.attitudes[second.attitude.expect("an attitude")];
-                let up = crate::geometry::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
+                let up = crate::geometry::attitude::up_in_camera(motion.pitch_down_rad, motion.roll_rad);
                 let line = scene.intrinsics.inverse_matrix().transpose() * up;
                 let line = line / line.xy().norm();
                 let [a, b, offset] = attitude.horizon_px.expect("finite");

@@ -46,7 +46,7 @@ impl Fisheye {
     }
 
     /// k1, k2, k3, k4.
-    pub fn parameters(&self) -> [f64; 4] {
+    pub(crate) fn parameters(&self) -> [f64; 4] {
         self.polynomial.0
     }
 

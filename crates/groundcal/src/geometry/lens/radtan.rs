@@ -62,13 +62,13 @@ impl Radtan {
     }
 
     /// k1, k2, p1, p2, k3.
-    pub fn parameters(&self) -> [f64; 5] {
+    pub(crate) fn parameters(&self) -> [f64; 5] {
         let [k1, k2, k3] = self.radial.0;
         [k1, k2, self.p1, self.p2, k3]
     }
 
     /// Whether all coefficients are zero.
-    pub fn is_none(&self) -> bool {
+    pub(crate) fn is_none(&self) -> bool {
         self.parameters() == [0.0; 5]
     }
 
@@ -87,7 +87,7 @@ impl Radtan {
     }
 
     /// The polynomial at an ideal point, wherever it lies: beyond the fold too. See `distort`.
-    pub fn polynomial(&self, p: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn polynomial(&self, p: &Vector2<f64>) -> Vector2<f64> {
         let (x, y) = (p.x, p.y);
         let r2 = x * x + y * y;
         let radial = self.radial.factor(r2);
@@ -98,7 +98,7 @@ impl Radtan {
     }
 
     /// The derivative of [`Self::polynomial`].
-    pub fn jacobian(&self, p: &Vector2<f64>) -> Matrix2<f64> {
+    pub(crate) fn jacobian(&self, p: &Vector2<f64>) -> Matrix2<f64> {
         let (x, y) = (p.x, p.y);
         let r2 = x * x + y * y;
         let (radial, slope) = (self.radial.factor(r2), 2.0 * self.radial.factor_slope(r2));
@@ -122,7 +122,7 @@ impl Radtan {
     }
 
     /// Distorted to ideal point; `None` where no point within the fold maps there.
-    pub fn undistort(&self, d: &Vector2<f64>) -> Option<Vector2<f64>> {
+    pub(crate) fn undistort(&self, d: &Vector2<f64>) -> Option<Vector2<f64>> {
         if self.is_none() {
             return Some(*d);
         }

@@ -5,3 +5,19 @@
 
 mod homographies;
 mod shared_data;
+
+use crate::{
+    error::Error,
+    geometry::frame::Frame,
+    observer::Silent,
+    pairs::{
+        correspondence::PointMatch,
+        refine::to_frame,
+        robust::{RobustHomography, RobustOptions, estimate_in_frame},
+    },
+};
+
+/// A homography with the matches it was made from.
+fn estimate_robust(matches: &[PointMatch], frame: &Frame, options: &RobustOptions) -> Result<RobustHomography, Error> {
+    estimate_in_frame(&to_frame(matches, frame), frame, options, &Silent)
+}

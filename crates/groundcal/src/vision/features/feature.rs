@@ -1,8 +1,8 @@
 //! What a feature is, and how they are looked for.
 
-/// Options of [`crate::vision::features::detect`].
+/// How features are looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FeatureOptions {
+pub(crate) struct FeatureOptions {
     /// Most features kept of an image, spread over it.
     pub max_features: usize,
     /// Least response |D| times the number of scales in an octave, for values in 0..1 (Lowe: 0.03, OpenCV: 0.04).
@@ -50,7 +50,7 @@ pub(crate) const DESCRIPTOR_LENGTH: usize = 128;
 
 /// A feature of an image.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Feature {
+pub(crate) struct Feature {
     /// Column in pixels, (0, 0) the centre of the top-left pixel.
     pub x: f32,
     /// Row in pixels.
@@ -65,7 +65,7 @@ pub struct Feature {
 
 /// The features of an image.
 #[derive(Debug, Clone, Default)]
-pub struct Features {
+pub(crate) struct Features {
     /// Where they are.
     pub points: Vec<Feature>,
     /// One descriptor of `DESCRIPTOR_LENGTH` values a feature, unit length, end to end.

@@ -7,14 +7,14 @@ use nalgebra::{DMatrix, DMatrixView, DMatrixViewMut, Vector2};
 
 use crate::{
     error::Error,
-    observer::{Observer, Silent},
+    observer::Observer,
     pairs::correspondence::PointMatch,
     vision::features::feature::{DESCRIPTOR_LENGTH, Features},
 };
 
-/// Options of [`match_features`].
+/// Which features match.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MatchOptions {
+pub(crate) struct MatchOptions {
     /// Largest ratio of the distance to the nearest and to the second nearest descriptor of another place.
     pub max_ratio: f32,
     /// A rival within this many scales of the nearest is the same place seen twice, not a rival.
@@ -31,11 +31,6 @@ impl Default for MatchOptions {
 const BLOCK: usize = 128;
 
 /// Matches, in the order of the first image's features. Deterministic.
-pub fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec<PointMatch> {
-    match_features_until(a, b, options, &Silent).unwrap_or_default()
-}
-
-/// The same under an observer's eyes.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
@@ -107,6 +102,12 @@ pub(crate) fn match_features_until(
         }
     }
     Ok(matches)
+}
+
+/// The same without an observer.
+#[cfg(test)]
+pub(crate) fn match_features(a: &Features, b: &Features, options: &MatchOptions) -> Vec<PointMatch> {
+    match_features_until(a, b, options, &crate::observer::Silent).unwrap_or_default()
 }
 
 /// Puts a row's values and its index in the place of smaller ones.

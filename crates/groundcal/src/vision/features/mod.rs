@@ -16,23 +16,16 @@ mod matching;
 mod scale_space;
 
 pub(crate) use feature::DESCRIPTOR_LENGTH;
-pub use feature::{Feature, FeatureOptions, Features};
+pub(crate) use feature::{FeatureOptions, Features};
+pub(crate) use matching::MatchOptions;
+#[cfg(test)]
+pub(crate) use matching::match_features;
 pub(crate) use matching::match_features_until;
-pub use matching::{MatchOptions, match_features};
 pub(crate) use scale_space::{blur, halve};
 
-use crate::{
-    error::Error,
-    observer::{Observer, Silent},
-    vision::image::GrayImage,
-};
+use crate::{error::Error, observer::Observer, vision::image::GrayImage};
 
 /// Detects and describes the features of an image. The same image gives the same features in the same order.
-pub fn detect(image: &GrayImage, options: &FeatureOptions) -> Features {
-    detect_until(image, options, &Silent).unwrap_or_default()
-}
-
-/// The same under an observer's eyes.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other.
@@ -60,6 +53,12 @@ pub(crate) fn detect_until(
     features.points.truncate(keep);
     features.descriptors.truncate(keep * DESCRIPTOR_LENGTH);
     Ok(features)
+}
+
+/// The same without an observer.
+#[cfg(test)]
+pub(crate) fn detect(image: &GrayImage, options: &FeatureOptions) -> Features {
+    detect_until(image, options, &crate::observer::Silent).unwrap_or_default()
 }
 
 /// Whether the mask holds a feature's centre and most of what its descriptor covers.

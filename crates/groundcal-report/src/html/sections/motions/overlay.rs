@@ -85,7 +85,7 @@ pub(crate) fn pictures(
     let mut frame = FloorFrame::new(m, o);
     let [left, _, top, _] = frame.frame;
     for (which, picture) in pair.iter().enumerate() {
-        let corners = o.map.outline(&c.evidence, which, c.camera.size());
+        let corners = o.map.outline(&c.evidence, which, c.camera.model().size);
         let clip =
             Clip { id: format!("clip{index}-{which}"), outline: corners.into_iter().map(|p| frame.at(p)).collect() };
         frame.svg.picture(canvas::Picture::Own {
