@@ -14,11 +14,11 @@ use std::{io::Cursor, path::PathBuf, process::ExitCode, time::Instant};
 use groundcal::{
     MotionModel, Options, Silent, calibrate_images,
     geometry::{ImageSize, rotation_cam_from_world},
+    numerics::median,
     result::{Calibration, Parameter},
     start::Constraint,
     vision::GrayImage,
 };
-use groundcal_lab::median::median;
 use groundcal_lab::renderer::{
     render::{Renderer, RgbImage8},
     scene::{Backdrop, Camera, Floor, Group, Light, RandomBoxes, Scene, Sensor, Sky, TextureKind, View},

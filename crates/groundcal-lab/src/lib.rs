@@ -7,7 +7,6 @@
 pub mod error;
 pub mod experiments;
 pub mod lies;
-pub mod median;
 pub mod progress;
 mod rank_correlation;
 pub mod render_scene;

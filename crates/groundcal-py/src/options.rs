@@ -95,14 +95,10 @@ pub(crate) fn named<T: Copy>(given: &Bound<'_, PyDict>, keyword: &str, values: &
     })
 }
 
-pub(crate) const CONSTRAINTS: [(&str, Constraint); 6] = [
-    ("auto", Constraint::Auto),
-    ("full", Constraint::Full),
-    ("zero-skew", Constraint::ZeroSkew),
-    ("square", Constraint::Square),
-    ("fixed-pp", Constraint::FixedPrincipalPoint),
-    ("focal", Constraint::Focal),
-];
+/// The names of constraints.
+pub(crate) fn constraints() -> [(&'static str, Constraint); Constraint::ALL.len()] {
+    Constraint::ALL.map(|c| (c.name(), c))
+}
 
 /// The names of what is estimated of a lens.
 pub(crate) const LENS_MODELS: [(&str, LensModel); 5] = [
@@ -230,7 +226,7 @@ impl Asked {
         let mut options = Options {
             motion: named(given, "motion", &MOTIONS)?.unwrap_or_default(),
             feature_density: named(given, "features", &FEATURES)?.unwrap_or_default(),
-            constraint: named(given, "constraint", &CONSTRAINTS)?.unwrap_or_default(),
+            constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
             method: named(given, "method", &METHODS)?.unwrap_or_default(),
             homographies: named(given, "homographies", &HOMOGRAPHIES)?.unwrap_or_default(),
             radial: named(given, "radial", &RADIAL)?.unwrap_or_default(),

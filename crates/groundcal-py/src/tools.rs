@@ -20,7 +20,7 @@ use crate::{
     handle::Handle,
     keywords::Keywords,
     nearest::no_such,
-    options::{CONSTRAINTS, LENS_MODELS, image_size, named, priors, taken},
+    options::{LENS_MODELS, constraints, image_size, named, priors, taken},
     work,
 };
 
@@ -112,7 +112,7 @@ fn plan_request(given: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
         noise_px: taken(given, "noise_px")?,
         points: taken(given, "points")?,
         motions,
-        constraint: named(given, "constraint", &CONSTRAINTS)?.unwrap_or_default(),
+        constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
         priors: priors(given)?,
         lens: named(given, "lens", &LENS_MODELS)?.unwrap_or_default(),
         attitude_sigma_deg: taken(given, "attitude_sigma_deg")?,

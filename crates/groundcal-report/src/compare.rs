@@ -114,14 +114,16 @@ fn scaled(camera: OfSize, size: ImageSize) -> Result<(OfSize, Option<[usize; 2]>
     Ok((OfSize { model, covariance }, Some([own.width, own.height])))
 }
 
-/// Numbers of the camera matrix, which every lens model has.
-const INTRINSICS: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
+/// Names of the numbers of the camera matrix, which every lens model has.
+fn matrix_names() -> impl Iterator<Item = &'static str> {
+    Parameter::ALL.into_iter().filter(|p| !p.is_of_lens()).map(Parameter::name)
+}
 
 /// A camera's numbers by name, in their order. Without distortion a lens is Brown-Conrady's, all zero.
 fn numbers(camera: &groundcal::geometry::Camera) -> Vec<(&'static str, f64)> {
     let lens = if camera.lens == Lens::None { Lens::Radtan(Radtan::default()) } else { camera.lens };
     let k = &camera.intrinsics;
-    let of_matrix = INTRINSICS.into_iter().zip([k.fx, k.fy, k.cx, k.cy, k.skew]);
+    let of_matrix = matrix_names().zip([k.fx, k.fy, k.cx, k.cy, k.skew]);
     of_matrix.chain(lens.parameter_names().iter().copied().zip(lens.parameters())).collect()
 }
 
@@ -129,7 +131,7 @@ fn numbers(camera: &groundcal::geometry::Camera) -> Vec<(&'static str, f64)> {
 fn common_numbers(a: &OfSize, b: &OfSize) -> Vec<(&'static str, f64, f64)> {
     let (of_a, of_b) = (numbers(&a.model), numbers(&b.model));
     let same_model = of_a.iter().map(|(name, _)| name).eq(of_b.iter().map(|(name, _)| name));
-    let count = if same_model { of_a.len() } else { INTRINSICS.len() };
+    let count = if same_model { of_a.len() } else { matrix_names().count() };
     of_a.iter().zip(&of_b).take(count).map(|((name, a), (_, b))| (*name, *a, *b)).collect()
 }
 
@@ -159,7 +161,7 @@ fn parameters(a: &OfSize, b: &OfSize) -> Vec<ParameterDifference> {
         let difference = value - reference;
         ParameterDifference {
             parameter,
-            unit: if i < INTRINSICS.len() { "px" } else { "1" },
+            unit: if i < matrix_names().count() { "px" } else { "1" },
             reference,
             value,
             difference,
@@ -227,7 +229,7 @@ mod tests {
             ..b.clone()
         };
         let names = |a: &OfSize, b: &OfSize| parameters(a, b).iter().map(|p| p.parameter).collect::<Vec<_>>();
-        assert_eq!(names(&a, &fisheye), INTRINSICS);
+        assert_eq!(names(&a, &fisheye), ["fx", "fy", "cx", "cy", "skew"]);
         assert_eq!(names(&fisheye, &fisheye)[5..], ["k1", "k2", "k3", "k4"]);
         assert_eq!(names(&a, &b)[5..], ["k1", "k2", "p1", "p2", "k3"]);
         let j = joint(&a, &b).unwrap();

@@ -1,5 +1,7 @@
 //! Numbers as people read them: one place for every table, caption and axis.
 
+use groundcal::numerics::NORMAL_95;
+
 /// A number with a fixed count of decimals, without a minus before nothing.
 pub fn fixed(value: f64, decimals: usize) -> String {
     let text = format!("{value:.decimals$}");
@@ -8,9 +10,6 @@ pub fn fixed(value: f64, decimals: usize) -> String {
         _ => text,
     }
 }
-
-/// Standard deviations to either side of a two-sided 95 % interval of a normal variable.
-pub const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// The 95 % interval of a number.
 pub(crate) fn interval_95(value: f64, sigma: f64) -> [f64; 2] {

@@ -58,7 +58,8 @@ pub(crate) mod error;
 pub mod floor;
 pub mod geometry;
 pub(crate) mod ids;
-pub(crate) mod numerics;
+#[doc(hidden)]
+pub mod numerics;
 pub(crate) mod observer;
 #[doc(hidden)]
 pub mod pairs;

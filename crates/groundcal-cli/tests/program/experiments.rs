@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use crate::common::*;
-use groundcal_lab::median::median;
+use groundcal::numerics::median;
 use tempfile::tempdir;
 
 type Line = BTreeMap<String, String>;

@@ -33,7 +33,8 @@ const MAX_NAMED: usize = 5;
 /// let files = [path("a.png")];
 /// let masks = MaskFiles::find(&path("mask.png"), &files)?;
 /// let images = masks.put_on(read_images(&files)?.images, &files)?;
-/// assert!(images[0].mask().is_some(), "two of four columns are used");
+/// let mask = images[0].mask().expect("one for all images");
+/// assert_eq!([0.0, 1.0, 2.0, 3.0].map(|x| mask.contains(x, 0.0)), [true, true, false, false]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -6,9 +6,7 @@
 //!            points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::vision::GrayImage;
-
-use crate::median::median;
+use groundcal::{numerics::median, vision::GrayImage};
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 use crate::experiments::paths::edge_at;

@@ -8,12 +8,11 @@
 use groundcal::{
     Error, Options, Remedy, Silent, calibrate_matched_images,
     geometry::{Frame, Intrinsics},
-    pairs::{HomographyEstimate, ImagePair, PointMatch, robust_homography, shows_turn},
+    pairs::{HomographyEstimate, ImagePair, PlacedLens, PointMatch, robust_homography, shows_turn},
     result::{Calibration, Parameter},
     start::{Constraint, rotating_camera, unweighted_camera_with_covariance},
     vision::GrayImage,
 };
-use nalgebra::Vector2;
 use rayon::prelude::*;
 
 /// A number of the camera: its error against truth and the stated standard deviation, both in per cent.
@@ -42,10 +41,7 @@ impl Scores {
         constraint: Constraint,
         covariance: impl Fn(usize, usize) -> f64,
     ) -> Self {
-        // What the constraint leaves free besides the focal length.
-        use Constraint::{FixedPrincipalPoint, Focal, Square};
-        let [aspect_free, centre_free] =
-            [!matches!(constraint, Square | Focal), !matches!(constraint, FixedPrincipalPoint | Focal)];
+        let free = constraint.free();
         // Not a number: an error without bound times zero.
         let root = |v: f64| if v.is_nan() { f64::INFINITY } else { 100.0 * v.max(0.0).sqrt() };
         let aspect_variance =
@@ -54,11 +50,11 @@ impl Scores {
             focal: Score { error: 100.0 * (k.fx / truth.fx - 1.0), sd: Some(root(covariance(0, 0)) / k.fx) },
             aspect: Score {
                 error: 100.0 * ((k.fy / k.fx) / (truth.fy / truth.fx) - 1.0),
-                sd: aspect_free.then(|| root(aspect_variance)),
+                sd: free[1].then(|| root(aspect_variance)),
             },
             principal_point: Score {
                 error: 100.0 * (k.cx - truth.cx).hypot(k.cy - truth.cy) / truth.fx,
-                sd: centre_free.then(|| root(covariance(2, 2) + covariance(3, 3)) / k.fx),
+                sd: free[2].then(|| root(covariance(2, 2) + covariance(3, 3)) / k.fx),
             },
         }
     }
@@ -139,20 +135,10 @@ pub(crate) fn groundcal(
     Ok((Scores::of_calibration(truth, &c, options.constraint), c))
 }
 
-/// Matches as a camera without distortion would have seen them, their deviations magnified as the lens is undone.
+/// Matches as a camera without distortion would have seen them.
 pub(crate) fn undistorted(pairs: &[ImagePair], c: &Calibration) -> Vec<ImagePair> {
-    let camera = c.camera.model();
-    let k = &camera.intrinsics;
-    let ideal = |p: &Vector2<f64>| Some(k.pixel_from_normalised(&camera.lens.undistort(&k.normalised_from_pixel(p))?));
-    let magnification = |p: &Vector2<f64>| {
-        let by = |half: Vector2<f64>| Some(ideal(&(p + half))? - ideal(&(p - half))?);
-        let [x, y] = [by(Vector2::new(0.5, 0.0))?, by(Vector2::new(0.0, 0.5))?];
-        Some(x.perp(&y).abs().sqrt())
-    };
-    let undone = |m: &PointMatch| {
-        let magnified = 0.5 * (magnification(&m.a)? + magnification(&m.b)?);
-        Some(PointMatch { a: ideal(&m.a)?, b: ideal(&m.b)?, sigma_px: m.sigma_px * magnified })
-    };
+    let lens = PlacedLens { lens: c.camera.model().lens, intrinsics: c.camera.intrinsics() };
+    let undone = |m: &PointMatch| lens.ideal_match(m);
     pairs.iter().map(|p| ImagePair { matches: p.matches.iter().filter_map(undone).collect(), ..*p }).collect()
 }
 

@@ -5,9 +5,7 @@
 //! line:                              total least squares; points beyond 2.5 robust deviations left out, three times
 //! ```
 
-use groundcal::vision::GrayImage;
-
-use crate::median::median;
+use groundcal::{numerics::median, vision::GrayImage};
 use nalgebra::{Matrix2, Vector2};
 
 /// How far an edge is looked for on either side of where it is expected, and the step, pixels.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::median::median;
+use groundcal::numerics::median;
 
 use crate::lies::{
     kind::Kind,

@@ -37,7 +37,7 @@ pub fn floor_matches(
         (border..width - 1.0 - border).contains(&p.x) && (border..height - 1.0 - border).contains(&p.y)
     };
     let pose = scene.pose(a)?;
-    let k = scene.camera.intrinsics();
+    let from_pixel = pose.r_cam_from_world.transpose() * scene.camera.intrinsics().inverse_matrix();
     let mut rng = Pcg64Mcg::seed_from_u64(seed);
     let mut matches = Vec::with_capacity(count);
     for _ in 0..TRIES * count {
@@ -47,7 +47,7 @@ pub fn floor_matches(
         let p = Vector2::new(rng.random_range(0.0..width), rng.random_range(0.0..height));
         let q = h * Vector3::new(p.x, p.y, 1.0);
         // Below the horizon of the first view and before the second.
-        let on_floor = (pose.r_cam_from_world.transpose() * k.normalised_from_pixel(&p).push(1.0)).z < 0.0 && q.z > 0.0;
+        let on_floor = (from_pixel * Vector3::new(p.x, p.y, 1.0)).z < 0.0 && q.z > 0.0;
         let image = Vector2::new(q.x / q.z, q.y / q.z);
         if !(on_floor && inside(&p) && inside(&image)) {
             continue;

@@ -1,8 +1,8 @@
 //! The rays of a pixel's samples: one inversion of the lens model a pixel where the lens allows it, one a sample else.
 
-use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
-use groundcal::geometry::{Camera, Intrinsics, Lens};
+use groundcal::geometry::{Camera, ImageSize, Intrinsics, Lens};
 
 /// A camera, prepared for many pixels.
 #[derive(Debug, Clone)]
@@ -58,7 +58,7 @@ impl Optics {
             }
             Self::Wide(camera) => {
                 let ray = camera.unproject(&pixel)?;
-                let by_ray = pixel_by_ray(camera, &ray)?;
+                let by_ray = camera.project_with_jacobians(&ray)?.by_point;
                 // Of the directions' changes that move the pixel so, those across the ray.
                 let across = by_ray.transpose() * (by_ray * by_ray.transpose()).try_inverse()?;
                 let per_pixel = [0, 1].map(|j| across.column(j).into_owned());
@@ -94,23 +94,9 @@ impl Optics {
     }
 }
 
-/// How far a ray is moved for a difference: of the derivative ten digits are right.
-const STEP: f64 = 1e-5;
-
 /// Derivative of the distorted by the ideal point.
 fn slope(lens: &Lens, ideal: &Vector2<f64>) -> Option<Matrix2<f64>> {
-    let by = |axis: Vector2<f64>| {
-        let at = |step: f64| lens.project(&(ideal + axis * step).push(1.0));
-        Some((at(STEP)? - at(-STEP)?) / (2.0 * STEP))
-    };
-    Some(Matrix2::from_columns(&[by(Vector2::x())?, by(Vector2::y())?]))
-}
-
-/// Derivative of the pixel by a ray of unit length.
-fn pixel_by_ray(camera: &Camera, ray: &Vector3<f64>) -> Option<Matrix2x3<f64>> {
-    let by = |axis: Vector3<f64>| {
-        let at = |step: f64| camera.project(&(ray + axis * step));
-        Some((at(STEP)? - at(-STEP)?) / (2.0 * STEP))
-    };
-    Some(Matrix2x3::from_columns(&[by(Vector3::x())?, by(Vector3::y())?, by(Vector3::z())?]))
+    let camera = Camera { size: ImageSize::new(1, 1), intrinsics: Intrinsics::square(1.0, 0.0, 0.0), lens: *lens };
+    // At depth 1 the first two columns are by the ideal point.
+    Some(camera.project_with_jacobians(&ideal.push(1.0))?.by_point.fixed_columns::<2>(0).into_owned())
 }

@@ -539,7 +539,7 @@ mod tests {
     /// Maps a distorted pixel of view a to the distorted pixel of view b by the floor's homography.
     fn transfer(scene: &Scene, h: &Matrix3<f64>, p: &Vector2<f64>) -> Option<Vector2<f64>> {
         let (camera, k) = (scene.camera.model(), scene.camera.intrinsics());
-        camera.project(&(k.matrix().try_inverse()? * (h * (k.matrix() * camera.unproject(p)?))))
+        camera.project(&(k.inverse_matrix() * (h * (k.matrix() * camera.unproject(p)?))))
     }
 
     /// Median correlation of patches, and mean and root mean square of their shift from the truth in pixels.

@@ -491,10 +491,7 @@ impl Scene {
         // The inverse of the floor map in closed form: no decomposition, hence no failure for a camera above the floor.
         let c = pa.centre_m;
         let world = Matrix3::new(1.0, 0.0, -c.x / c.z, 0.0, 1.0, -c.y / c.z, 0.0, 0.0, -1.0 / c.z);
-        // Rays of the columns of an image and of its origin: the inverse of the camera matrix.
-        let [x, y, origin] = [[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]].map(|p| k.normalised_from_pixel(&p.into()).push(1.0));
-        let k_inverse = Matrix3::from_columns(&[x - origin, y - origin, origin]);
-        let h = k.matrix() * floor(&pb) * world * pa.r_cam_from_world.transpose() * k_inverse;
+        let h = k.matrix() * floor(&pb) * world * pa.r_cam_from_world.transpose() * k.inverse_matrix();
         // det = height of b over height of a.
         Ok(h / (pb.centre_m.z / c.z).cbrt())
     }

@@ -13,12 +13,12 @@ use rand_pcg::Pcg64Mcg;
 use crate::studies::setting::{Asked, Attitudes, FOCAL_OVER_WIDTH, Setting};
 use groundcal::{
     Error, LensModel, Options, Silent, calibrate_matches,
-    geometry::{Frame, Intrinsics, Lens, View, rotation_cam_from_world},
+    geometry::{Frame, Intrinsics, Lens, View, angles_from_rotation, rotation_cam_from_world},
+    numerics::NORMAL_95,
     pairs::{ImagePair, PointMatch, direct_linear_transformation, gold_standard_homography},
     start::{Constraint, rotating_camera, unweighted_camera},
     synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound},
 };
-use groundcal_report::number::NORMAL_95;
 
 /// One of the five studies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -199,14 +199,6 @@ pub struct Trial {
     pub fewest_matches: usize,
 }
 
-/// Pitch, roll and yaw of which a rotation is [`rotation_cam_from_world`].
-fn angles(r: &Matrix3<f64>) -> (f64, f64, f64) {
-    let up = r.column(2);
-    let (pitch, roll) = ((-up.z).atan2(up.x.hypot(up.y)), (-up.x).atan2(-up.y));
-    let yaw = rotation_cam_from_world(pitch, roll, 0.0).transpose() * r;
-    (pitch, roll, yaw[(0, 1)].atan2(yaw[(0, 0)]))
-}
-
 /// The motion of a rig that turns by `turn_rad` about an axis `offset_m` straight behind the optical centre, `tilt_rad` off
 /// the vertical, which leans to the side `azimuth_rad`.
 fn about_tilted_axis(
@@ -227,7 +219,8 @@ fn about_tilted_axis(
     // Yaw 0 looks along +X.
     let arm = Vector3::new(offset_m, 0.0, 0.0);
     let shift = turn * arm - arm;
-    let (pitch_b, roll_b, yaw_b) = angles(&(rotation_cam_from_world(pitch, roll, 0.0) * turn.transpose()));
+    let (pitch_b, roll_b, yaw_b) =
+        angles_from_rotation(&(rotation_cam_from_world(pitch, roll, 0.0) * turn.transpose()));
     MotionSpec {
         turn_rad: yaw_b,
         shift: [shift.x, shift.y],
@@ -333,16 +326,10 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
     Trial { true_fx_px: truth.fx, estimates, bound_px, fewest_matches }
 }
 
-/// The frame as a camera: its coordinates are what a ray has in that.
-pub(super) fn as_camera(frame: &Frame) -> Intrinsics {
-    Intrinsics::square(frame.scale_px, frame.origin_px.x, frame.origin_px.y)
-}
-
 /// The normalised linear homography in the frame, nothing refined.
 pub(super) fn linear_homography(matches: &[PointMatch], frame: &Frame) -> Option<Matrix3<f64>> {
-    let frame = as_camera(frame);
-    let local = |p: &Vector2<f64>| frame.normalised_from_pixel(p);
-    let local: Vec<PointMatch> = matches.iter().map(|m| PointMatch { a: local(&m.a), b: local(&m.b), ..*m }).collect();
+    let local: Vec<PointMatch> =
+        matches.iter().map(|m| PointMatch { a: frame.local(&m.a), b: frame.local(&m.b), ..*m }).collect();
     direct_linear_transformation(&local).map(|(h, _)| h)
 }
 

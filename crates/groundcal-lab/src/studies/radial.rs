@@ -10,7 +10,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::studies::{
-    figure4::{Condition, as_camera, linear_homography, quantile, scene},
+    figure4::{Condition, linear_homography, quantile, scene},
     setting::Setting,
 };
 use groundcal::{
@@ -65,15 +65,13 @@ pub struct Outcome {
 pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcome; 4] {
     let scene = scene(&Condition { noise_px: 0.0, setting, ..Condition::default() }, seed, number);
     let frame = Frame::new(scene.size, None);
-    let local = as_camera(&frame);
     let lens = Lens::Division(Division::new(LAMBDA));
     let mut rng = Pcg64Mcg::seed_from_u64(scene.seed ^ 0x5ad1_a100);
     let mut seen = |p: &Vector2<f64>| {
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let noise = Vector2::new(normal(), normal()) * noise_px;
         // A barrel lens distorts any point.
-        let bent = lens.project(&local.normalised_from_pixel(p).push(1.0));
-        local.pixel_from_normalised(&bent.unwrap_or_default()) + noise
+        frame.pixel(&lens.project(&frame.local(p).push(1.0)).unwrap_or_default()) + noise
     };
     let motions: Vec<Vec<PointMatch>> = scene
         .pairs()
@@ -101,8 +99,7 @@ pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcom
                 let ideal: Option<Vec<PointMatch>> = matches
                     .iter()
                     .map(|m| {
-                        let undone = |p: &Vector2<f64>| model.undistort(&local.normalised_from_pixel(p));
-                        let undo = |p: &Vector2<f64>| Some(local.pixel_from_normalised(&undone(p)?));
+                        let undo = |p: &Vector2<f64>| Some(frame.pixel(&model.undistort(&frame.local(p))?));
                         Some(PointMatch { a: undo(&m.a)?, b: undo(&m.b)?, ..*m })
                     })
                     .collect();

@@ -29,8 +29,7 @@ use crate::{
         judge::verdict_on,
     },
     select::{
-        attitude_groups::AttitudeGroup,
-        attitude_groups::DIFFERENT_ATTITUDE,
+        attitude_groups::{AttitudeGroup, DIFFERENT_ATTITUDE},
         selection::{MotionKind, PairVerdict, Rejection, Selection},
     },
 };

@@ -103,11 +103,9 @@ fn under_other_constraints(input: &RefinementInput<'_>, options: &RefinementOpti
         let camera = CameraOptions { constraint, ..options.camera.clone() };
         solve_camera_until(&input.motions, &options.frame, &camera, input.observer).ok()
     };
-    let asked = options.camera.constraint.free();
-    let holds_as_much = |other: &Constraint| other.free().iter().zip(asked).all(|(free, asked)| asked || !free);
     [Constraint::ZeroSkew, Constraint::Square, Constraint::Focal]
         .into_iter()
-        .filter(holds_as_much)
+        .filter(|other| other.holds_what(options.camera.constraint))
         .filter_map(under)
         .collect()
 }

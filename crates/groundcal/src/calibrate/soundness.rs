@@ -34,6 +34,8 @@ const MAX_FIELD_OF_VIEW_DEG: f64 = 170.0;
 /// Motions that are dropped one after the other, at most, and as a fraction of all.
 const MAX_DROPPED: usize = 4;
 const MAX_DROPPED_FRACTION: f64 = 0.25;
+/// Motions, those with the largest residuals first, of which each is looked at as the wrong one: a refinement each.
+const MAX_SUSPECTS: usize = 4;
 
 /// A refinement that can be vouched for.
 pub(super) struct AcceptedRefinement {
@@ -122,7 +124,7 @@ fn without_wrong_motion(
         return Ok(None);
     }
     let mut best: Option<(f64, AcceptedRefinement)> = None;
-    for worst in by_residual(&refined.joint, pairs, &selection.used()).into_iter().take(MAX_DROPPED) {
+    for worst in by_residual(&refined.joint, pairs, &selection.used()).into_iter().take(MAX_SUSPECTS) {
         let left = selection.clone().without(worst);
         let Some(solution) = resolve(&left)? else { continue };
         let Attempt::AcceptedRefinement(other) = attempt(&left, &solution, Starts::Usual)? else { continue };

@@ -65,7 +65,7 @@ pub(crate) fn attitude_from_up(up_in_camera: &Vector3<f64>) -> (f64, f64) {
 
 /// Pitch (down), roll and yaw in radians of a rotation of camera from world coordinates: the inverse of
 /// [`rotation_cam_from_world`] for pitches within 90 degrees.
-pub(crate) fn angles_from_rotation(r_cam_from_world: &Matrix3<f64>) -> (f64, f64, f64) {
+pub fn angles_from_rotation(r_cam_from_world: &Matrix3<f64>) -> (f64, f64, f64) {
     let (pitch, roll) = attitude_from_up(&r_cam_from_world.column(2).into_owned());
     let yaw = attitude_rotation(pitch, roll).transpose() * r_cam_from_world;
     (pitch, roll, yaw[(0, 1)].atan2(yaw[(0, 0)]))

@@ -66,7 +66,7 @@ impl From<Camera> for Record {
 
 /// Where a point is seen, with derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct CameraProjection {
+pub struct CameraProjection {
     /// The pixel.
     pub pixel: Vector2<f64>,
     /// By the point, or the ray.
@@ -85,7 +85,7 @@ impl Camera {
     }
 
     /// [`Self::project`] with derivatives.
-    pub(crate) fn project_with_jacobians(&self, point: &Vector3<f64>) -> Option<CameraProjection> {
+    pub fn project_with_jacobians(&self, point: &Vector3<f64>) -> Option<CameraProjection> {
         let lens = self.lens.project_with_jacobian(point)?;
         let (k, d) = (&self.intrinsics, &lens.point);
         let linear = Matrix2::new(k.fx, k.skew, 0.0, k.fy);

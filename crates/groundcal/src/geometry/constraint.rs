@@ -35,7 +35,7 @@ pub enum Constraint {
 
 impl Constraint {
     /// The name used on the command line and in files.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         match self {
             Constraint::Auto => "auto",
             Constraint::Full => "full",
@@ -57,7 +57,7 @@ impl Constraint {
     ];
 
     /// Which of (ln fx, ln fy/fx, cx, cy, skew) are free.
-    pub(crate) fn free(self) -> [bool; 5] {
+    pub fn free(self) -> [bool; 5] {
         match self {
             Constraint::Auto | Constraint::ZeroSkew => [true, true, true, true, false],
             Constraint::Full => [true; 5],
@@ -65,6 +65,11 @@ impl Constraint {
             Constraint::FixedPrincipalPoint => [true, true, false, false, false],
             Constraint::Focal => [true, false, false, false, false],
         }
+    }
+
+    /// Whether it holds all that another one holds.
+    pub(crate) fn holds_what(self, other: Constraint) -> bool {
+        self.free().iter().zip(other.free()).all(|(free, others)| others || !free)
     }
 
     /// Number of unknowns.
@@ -91,6 +96,17 @@ impl std::fmt::Display for Constraint {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Starts of one constraint for another: what that holds is not moved by them.
+    #[test]
+    fn a_constraint_holds_what_those_with_more_unknowns_hold() {
+        use Constraint::{Auto, FixedPrincipalPoint, Focal, Full, Square, ZeroSkew};
+        for other in Constraint::ALL {
+            assert!(Focal.holds_what(other) && other.holds_what(Full), "{other}");
+        }
+        assert!(ZeroSkew.holds_what(Auto) && Square.holds_what(ZeroSkew));
+        assert!(!ZeroSkew.holds_what(Square) && !Square.holds_what(FixedPrincipalPoint) && !Full.holds_what(Auto));
+    }
 
     #[test]
     fn files_and_command_line_use_the_same_names() {

@@ -46,7 +46,7 @@ impl Intrinsics {
     }
 
     /// The matrix K⁻¹, in closed form.
-    pub(crate) fn inverse_matrix(&self) -> Matrix3<f64> {
+    pub fn inverse_matrix(&self) -> Matrix3<f64> {
         let (fx, fy, cx, cy, s) = (self.fx, self.fy, self.cx, self.cy, self.skew);
         Matrix3::new(1.0 / fx, -s / (fx * fy), (s * cy - cx * fy) / (fx * fy), 0.0, 1.0 / fy, -cy / fy, 0.0, 0.0, 1.0)
     }

@@ -12,8 +12,8 @@ pub(crate) mod parameters;
 pub(crate) mod plane_view;
 pub(crate) mod size;
 
-pub use attitude::rotation_cam_from_world;
-pub use camera::Camera;
+pub use attitude::{angles_from_rotation, rotation_cam_from_world};
+pub use camera::{Camera, CameraProjection};
 pub use camera_difference::{CameraDifference, PixelDifference, Significance, camera_difference, significance};
 pub use constraint::Constraint;
 pub use frame::Frame;

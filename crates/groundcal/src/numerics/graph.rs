@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, VecDeque};
 
 /// The component of each of `count` nodes, named by its smallest node. Edges beyond the nodes are ignored.
-pub(crate) fn components(count: usize, edges: impl IntoIterator<Item = (usize, usize)>) -> Vec<usize> {
+pub fn components(count: usize, edges: impl IntoIterator<Item = (usize, usize)>) -> Vec<usize> {
     fn root(label: &mut [usize], mut v: usize) -> usize {
         while label[v] != v {
             label[v] = label[label[v]];

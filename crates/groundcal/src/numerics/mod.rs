@@ -6,3 +6,6 @@ pub(crate) mod linalg;
 pub(crate) mod ransac;
 pub(crate) mod skyline;
 pub(crate) mod statistics;
+
+pub use graph::components;
+pub use statistics::{NORMAL_95, median};

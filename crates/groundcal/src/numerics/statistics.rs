@@ -1,7 +1,7 @@
 //! The few distributions the estimators need.
 
 /// Upper quantile of the standard normal distribution that makes a two-sided 95 % interval.
-pub(crate) const NORMAL_95: f64 = 1.959_963_984_540_054;
+pub const NORMAL_95: f64 = 1.959_963_984_540_054;
 
 /// Of chi-squared with two degrees of freedom the value that 1 % exceed: -2 ln 0.01.
 pub(crate) const CHI_SQUARED_2_99: f64 = 9.210_340_371_976_182;
@@ -52,7 +52,7 @@ pub(crate) fn chi_squared_survival(value: f64, dof: usize) -> f64 {
 }
 
 /// Median of the values (the upper one of an even count); 0 for none. The slice is reordered.
-pub(crate) fn median(values: &mut [f64]) -> f64 {
+pub fn median(values: &mut [f64]) -> f64 {
     if values.is_empty() {
         return 0.0;
     }

@@ -15,7 +15,7 @@ use crate::{
 
 /// A lens, and the camera matrix through which it acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct PlacedLens {
+pub struct PlacedLens {
     /// The lens.
     pub lens: Lens,
     /// Focal length and centre.
@@ -36,7 +36,7 @@ impl PlacedLens {
     }
 
     /// A match as an ideal lens would have given it, its deviation magnified as the lens was undone.
-    pub(crate) fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
+    pub fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
         let (a, b) = (self.ideal_point(&m.a)?, self.ideal_point(&m.b)?);
         let magnification = |ideal: &Vector2<f64>| {
             let ray = self.intrinsics.normalised_from_pixel(ideal).push(1.0);

@@ -17,7 +17,7 @@ use nalgebra::{
 
 use crate::{
     error::Error,
-    geometry::intrinsics::Intrinsics,
+    geometry::{frame::Frame, intrinsics::Intrinsics},
     numerics::{
         levenberg_marquardt::{LeastSquares, LmOptions, NormalEquations, minimise},
         linalg::{ComplexPoint, bilinear, inverse_spd, symmetric_eigen},
@@ -85,6 +85,13 @@ pub(crate) struct Residual {
     pub by_point: Matrix2x4<f64>,
     /// ∂r / ∂p.
     pub by_parameters: SMatrix<f64, 2, 5>,
+}
+
+/// How the residual of the image of a circular point, both in pixels, changes with (ln fx, ln fy/fx, cx, cy, skew), the last three in
+/// units of the frame.
+pub fn residual_by_camera(frame: &Frame, intrinsics: &Intrinsics, point_px: &ComplexPoint) -> SMatrix<f64, 2, 5> {
+    let e = frame.frame_matrix().map(|x| Complex::new(x, 0.0)) * point_px;
+    residual(&parameters_of(&frame.intrinsics_from_pixel(intrinsics)), &e, &[e, e]).by_parameters
 }
 
 /// The residual of a (complex) point `e` whose error directions are `tangent`.

@@ -11,7 +11,7 @@ pub(crate) mod rotating_camera;
 pub(crate) mod transferred;
 pub(crate) mod unweighted_camera;
 
-pub use absolute_conic::Constraint;
+pub use absolute_conic::{Constraint, residual_by_camera};
 pub use closed_forms::{
     LinearCamera, rotating_camera, unweighted_camera, unweighted_camera_with_covariance, weighted_camera,
 };

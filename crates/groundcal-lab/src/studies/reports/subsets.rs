@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::median::median;
+use groundcal::numerics::median;
 use groundcal_report::plot::{Figure, Marker, Panel, Style};
 
 use crate::{

@@ -6,8 +6,9 @@
 //! well the attitudes together determine each combination of them, whatever the noise.
 
 use groundcal::{
-    geometry::{Frame, Intrinsics, rotation_cam_from_world},
+    geometry::{Frame, rotation_cam_from_world},
     result::{AttitudeReport, Calibration, Parameter},
+    start::residual_by_camera,
 };
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use serde::Serialize;
@@ -123,26 +124,6 @@ pub(crate) fn conic(c: &Calibration) -> Option<Conic> {
     })
 }
 
-/// vᵀv / vᴴv of v = K⁻¹ e: 0 on the conic, of modulus 1 at most.
-fn residual(k: &Intrinsics, e: &ComplexPoint) -> Complex<f64> {
-    let y = (e.y - e.z * k.cy) / k.fy;
-    let v = Vector3::new((e.x - e.z * k.cx - y * k.skew) / k.fx, y, e.z);
-    (v.x * v.x + v.y * v.y + v.z * v.z) / v.norm_squared()
-}
-
-/// Its derivative by (ln fx, ln fy/fx, cx, cy, skew), the last three in units of `scale` pixels. Central differences.
-fn residual_by_camera(k: &Intrinsics, scale: f64, e: &ComplexPoint) -> [Complex<f64>; 5] {
-    const STEP: f64 = 1e-5;
-    let moved = |i: usize, step: f64| match i {
-        0 => Intrinsics { fx: k.fx * step.exp(), fy: k.fy * step.exp(), ..*k },
-        1 => Intrinsics { fy: k.fy * step.exp(), ..*k },
-        2 => Intrinsics { cx: k.cx + scale * step, ..*k },
-        3 => Intrinsics { cy: k.cy + scale * step, ..*k },
-        _ => Intrinsics { skew: k.skew + scale * step, ..*k },
-    };
-    [0, 1, 2, 3, 4].map(|i| (residual(&moved(i, STEP), e) - residual(&moved(i, -STEP), e)) / (2.0 * STEP))
-}
-
 /// Names of the free numbers, singular values of the attitudes' equations in units of the largest, and the weakest combination.
 fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
     let names = ["ln fx", "ln fy/fx", "cx", "cy", "skew"];
@@ -153,14 +134,14 @@ fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
     let free =
         [m[(0, 0)] > 0.0, ratio > 1e-9 * m[(0, 0)] / (fx * fx), m[(2, 2)] > 0.0, m[(3, 3)] > 0.0, m[(4, 4)] > 0.0];
     let columns: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
-    let scale = Frame::new(c.camera.model().size, None).scale_px;
+    let frame = Frame::new(c.camera.model().size, None);
     let intrinsics = c.camera.intrinsics();
     let mut equations = DMatrix::<f64>::zeros(2 * c.attitudes.len(), columns.len());
     for (a, attitude) in c.attitudes.iter().enumerate() {
-        let by = residual_by_camera(&intrinsics, scale, &circular_point(c, attitude));
+        let by = residual_by_camera(&frame, &intrinsics, &circular_point(c, attitude));
         for (column, &i) in columns.iter().enumerate() {
-            equations[(2 * a, column)] = by[i].re;
-            equations[(2 * a + 1, column)] = by[i].im;
+            equations[(2 * a, column)] = by[(0, i)];
+            equations[(2 * a + 1, column)] = by[(1, i)];
         }
     }
     let unknowns = columns.iter().map(|&i| names[i]).collect();

@@ -4,6 +4,7 @@ use groundcal::{
     Wording,
     floor::{FloorGrid, FloorView},
     geometry::{ImageSize, View},
+    numerics::components,
     result::{Calibration, Evidence, MotionReport, PairEvidence},
 };
 use nalgebra::{Matrix3, Vector2, Vector3};
@@ -223,7 +224,8 @@ pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<
             if like.len() >= enough { like } else { Vec::new() }
         })
         .collect();
-    let label = joined(&among);
+    let edges = among.iter().enumerate().flat_map(|(i, like)| like.iter().map(move |&k| (i, k)));
+    let label = components(rejected.len(), edges);
     let mut found: Vec<Cluster> = (0..rejected.len())
         .map(|root| (0..rejected.len()).filter(|&i| label[i] == root).map(|i| rejected[i]).collect::<Vec<_>>())
         .filter(|members| members.len() >= CLUSTER_REJECTED)
@@ -248,23 +250,6 @@ pub(crate) fn clusters(p: &PairEvidence, e: &Evidence, size: [usize; 2]) -> Vec<
 fn carried(p: &PairEvidence, e: &Evidence, a: Vector2<f64>) -> Option<Vector2<f64>> {
     let h = Matrix3::from_fn(|r, k| p.h_b_from_a.map_or(if r == k { 1.0 } else { 0.0 }, |h| h[r][k]));
     e.carried(&h, &a)
-}
-
-/// The points that are joined to each, named by the first of them.
-fn joined(neighbours: &[Vec<usize>]) -> Vec<usize> {
-    let mut name: Vec<usize> = (0..neighbours.len()).collect();
-    let mut settled = false;
-    while !settled {
-        settled = true;
-        for (i, near) in neighbours.iter().enumerate() {
-            let first = near.iter().map(|&k| name[k]).fold(name[i], usize::min);
-            for &k in near.iter().chain([&i]) {
-                settled &= name[k] == first;
-                name[k] = first;
-            }
-        }
-    }
-    name
 }
 
 fn inside(p: Vector2<f64>, [width, height]: [usize; 2]) -> bool {
