@@ -13,7 +13,7 @@ use crate::{
     numerics::statistics::{chi_squared_survival, median},
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
-    refine::{SceneModel, blocks::MATRIX},
+    refine::{Kind, SceneModel, blocks::MATRIX},
     remedy::Remedy,
     result::judge::VARIANCE_RANGE,
     select::selection::Selection,
@@ -34,6 +34,10 @@ const MAX_FIELD_OF_VIEW_DEG: f64 = 170.0;
 /// Motions that are dropped one after the other, at most, and as a fraction of all.
 const MAX_DROPPED: usize = 4;
 const MAX_DROPPED_FRACTION: f64 = 0.25;
+/// Significance level of what is left of points beyond their noise.
+const ABOVE_NOISE_P: f64 = 1e-3;
+/// One-sided quantile of a normal variable that one in a thousand exceeds.
+const NORMAL_999: f64 = 3.09;
 /// Motions, those with the largest residuals first, of which each is looked at as the wrong one: a refinement each.
 const MAX_SUSPECTS: usize = 4;
 
@@ -84,20 +88,24 @@ pub(super) fn refine_until_sound(
             match attempt(&left, &solution, starts)? {
                 Attempt::NothingToRefine => return Ok(None),
                 Attempt::AcceptedRefinement(refined) => {
-                    if dropped < most
-                        && let Some(accepted) = without_wrong_motion(&refined, pairs, &left, resolve, attempt)?
-                    {
-                        return Ok(Some(accepted));
-                    }
-                    return Ok(Some(AcceptedRefinement { refined, selection: (dropped > 0).then_some(left) }));
+                    let without = match dropped < most {
+                        true => without_wrong_motion(&refined, pairs, &left, resolve, attempt)?,
+                        false => None,
+                    };
+                    let selection = (dropped > 0).then_some(left);
+                    return Ok(Some(without.unwrap_or(AcceptedRefinement { refined, selection })));
                 }
                 Attempt::Failed(error, refined) => {
                     first_error.get_or_insert(error);
                     let by_residual = refined.as_ref().map(|r| by_residual(&r.joint, pairs, &left.used()));
                     worst = by_residual.and_then(|motions| motions.first().copied()).or(worst);
+                    let Some(refined) = refined.filter(|_| dropped < most) else { continue };
                     // Another start does not help where one motion gives all of them attitude errors.
-                    if dropped < most && refined.is_some_and(|r| attitude_errors_too_large(&r.joint)) {
+                    if attitude_errors_too_large(&refined.joint) {
                         break;
+                    }
+                    if let Some(accepted) = without_wrong_motion(&refined, pairs, &left, resolve, attempt)? {
+                        return Ok(Some(accepted));
                     }
                 }
             }
@@ -111,8 +119,12 @@ pub(super) fn refine_until_sound(
     Err(refused(first_error))
 }
 
-/// The refinement without one motion, where what is left of all of them is above the noise and what is left without that one is noise. A motion that is
-/// wrong bends the camera until lens, skew and pictures are bent too, so that its own residuals need not be the largest: those with the largest are tried.
+/// The refinement without one motion, where what is left of all is more than noise and what is left of the others is noise without that one. A motion that is
+/// wrong bends the camera until lens, skew and pictures are bent too, so that its own residuals need not be the largest: those with the largest are tried. What a
+/// suspect gains is that of all residuals, its own being those of a homography.
+///
+/// # Errors
+/// [`Error::Unsound`] where the evidence does not single one out: the camera would be another with each.
 fn without_wrong_motion(
     refined: &Refined,
     pairs: &[PairObservation],
@@ -120,22 +132,45 @@ fn without_wrong_motion(
     resolve: impl Fn(&Selection) -> Result<Option<CameraSolution>, Error>,
     attempt: impl Fn(&Selection, &CameraSolution, Starts) -> Result<Attempt, Error>,
 ) -> Result<Option<AcceptedRefinement>, Error> {
-    if largest_variance(&refined.joint) < VARIANCE_RANGE.end {
+    let held = !refined.joint.bundle.attitude_sigma.estimated;
+    if largest_variance(&refined.joint) < VARIANCE_RANGE.end && (!held || is_noise(&refined.joint)) {
         return Ok(None);
     }
-    let mut best: Option<(f64, AcceptedRefinement)> = None;
-    for worst in by_residual(&refined.joint, pairs, &selection.used()).into_iter().take(MAX_SUSPECTS) {
-        let left = selection.clone().without(worst);
+    let mut found: Vec<(f64, AcceptedRefinement)> = Vec::new();
+    for suspect in by_residual(&refined.joint, pairs, &selection.used()).into_iter().take(MAX_SUSPECTS) {
+        let left = selection.clone().without(suspect);
         let Some(solution) = resolve(&left)? else { continue };
         let Attempt::AcceptedRefinement(other) = attempt(&left, &solution, Starts::Usual)? else { continue };
-        let evidence = other.joint.bundle.evidence.zip(refined.joint.bundle.evidence);
-        let gain = evidence.map_or(0.0, |(without, with)| without.residual_gain_over(&with));
-        let is_noise = largest_variance(&other.joint) < VARIANCE_RANGE.end;
-        if is_noise && gain > 2.0 * RELEASE_ODDS.ln() && best.as_ref().is_none_or(|(most, _)| gain > *most) {
-            best = Some((gain, AcceptedRefinement { refined: other, selection: Some(left) }));
+        let Some((without, with)) = other.joint.bundle.evidence.zip(refined.joint.bundle.evidence) else { continue };
+        let gain = without.gain_with_rest_apart(&with);
+        if is_noise(&other.joint) && gain > 2.0 * RELEASE_ODDS.ln() {
+            found.push((gain, AcceptedRefinement { refined: other, selection: Some(left) }));
         }
     }
-    Ok(best.map(|(_, accepted)| accepted))
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    // Each is a chi-squared of what homographies of their own would explain beyond one camera, eight numbers each.
+    let spread = (2.0 * 2.0 * 8.0 * (selection.used().len() - 1) as f64).sqrt();
+    if let [(first, _), (second, _), ..] = found.as_slice()
+        && first - second < 2.0 * RELEASE_ODDS.ln() + NORMAL_999 * spread
+    {
+        return Err(unsound(
+            "without one of the motions the others agree, but which of them is wrong the images do not tell".into(),
+        ));
+    }
+    Ok(found.into_iter().next().map(|(_, accepted)| accepted))
+}
+
+/// Whether what is left of the tracks may be noise: within what models that are right have; where there are points alone, by the spread of its variance. (Beside
+/// patches the points are those of links, whose homographies are less sure.)
+fn is_noise(joint: &JointSolution) -> bool {
+    let bundle = &joint.bundle;
+    let of_kind = |kind: Kind| (bundle.observations_of[kind as usize] as f64, kind as usize);
+    let ((patches, _), (points, k)) = (of_kind(Kind::Patch), of_kind(Kind::Point));
+    // Each of two pictures has two numbers, of which the point takes two.
+    let independent = (points / bundle.design_effects[k].max(1.0)).round();
+    largest_variance(joint) < VARIANCE_RANGE.end
+        && (patches > 0.0
+            || chi_squared_survival(bundle.variance_factors[k] * independent, independent as usize) > ABOVE_NOISE_P)
 }
 
 /// Variance of what is left of the tracks, of the kind that has most, in units of the matching noise.

@@ -49,21 +49,30 @@ impl Evidence {
 
     /// By how much -2 ln E is smaller than another model's of the same tracks.
     pub(crate) fn gain_over(&self, other: &Self) -> f64 {
-        other.squares - self.squares + other.volumes - self.volumes + self.residual_gain_over(other)
-    }
-
-    /// The part of it that residuals have; of a model of some of the tracks, how much better it explains these.
-    pub(crate) fn residual_gain_over(&self, other: &Self) -> f64 {
         let of_kind = |k: usize| {
             let (count, variance) = self.residuals[k];
             let (_, before) = other.residuals[k];
             // What neighbours have in common under the other model and not under this one is what this one explains.
             let effect = self.design_effects[k];
-            let ln = |v: f64| v.max(MIN_VARIANCE).ln();
-            count / effect * (ln(before) - ln(variance))
+            count / effect * (ln_variance(before) - ln_variance(variance))
+        };
+        other.squares - self.squares + other.volumes - self.volumes + (0..KINDS).map(of_kind).sum::<f64>()
+    }
+
+    /// By how much the residuals' part of it is smaller than under a model of more tracks, where those that this one has not are left to a homography of their
+    /// own, of variance 1.
+    pub(crate) fn gain_with_rest_apart(&self, other: &Self) -> f64 {
+        let of_kind = |k: usize| {
+            let ((own, variance), (all, before)) = (self.residuals[k], other.residuals[k]);
+            let after = if all > 0.0 { (own * variance + (all - own).max(0.0)) / all.max(own) } else { before };
+            all / self.design_effects[k] * (ln_variance(before) - ln_variance(after))
         };
         (0..KINDS).map(of_kind).sum()
     }
+}
+
+fn ln_variance(variance: f64) -> f64 {
+    variance.max(MIN_VARIANCE).ln()
 }
 
 /// What -2 ln E has beside squares: volumes that the priors allow over those that the data leave, and the mean over the variance components. `None` where
