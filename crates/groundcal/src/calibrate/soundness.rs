@@ -133,7 +133,8 @@ fn without_wrong_motion(
     attempt: impl Fn(&Selection, &CameraSolution, Starts) -> Result<Attempt, Error>,
 ) -> Result<Option<AcceptedRefinement>, Error> {
     let held = !refined.joint.bundle.attitude_sigma.estimated;
-    if largest_variance(&refined.joint) < VARIANCE_RANGE.end && (!held || is_noise(&refined.joint)) {
+    let may_be_noise = largest_variance(&refined.joint) < VARIANCE_RANGE.end && (!held || is_noise(&refined.joint));
+    if may_be_noise || held_lens_is_to_blame(&refined.joint) {
         return Ok(None);
     }
     let mut found: Vec<(f64, AcceptedRefinement)> = Vec::new();
@@ -204,6 +205,13 @@ fn attitude_errors_too_large(joint: &JointSolution) -> bool {
     joint.bundle.attitude_sigma.estimated && chi_squared_survival(chi_squared, directions) < TOO_LARGE_ERRORS_P
 }
 
+/// Whether what is left may be the lens: a camera that turns on the spot shows the error of a lens that the user holds in every pair
+/// alike. No motion is to blame then, and the bars are widened by what is left.
+fn held_lens_is_to_blame(joint: &JointSolution) -> bool {
+    let bundle = &joint.bundle;
+    bundle.scene == SceneModel::Directions && bundle.unknowns.first().is_some_and(|camera| !camera.is_free(MATRIX))
+}
+
 /// Refuses a refinement that has not converged, whose residuals are no noise, or whose camera is none.
 ///
 /// # Errors
@@ -222,10 +230,7 @@ pub(super) fn check_soundness(joint: &JointSolution, size: ImageSize) -> Result<
             bundle.attitude_sigma.sigma.to_degrees()
         )));
     }
-    // A camera that turns on the spot shows the error of a lens that the user holds in every pair alike: no motion is to blame, and
-    // the bars are widened by what is left.
-    let directions = bundle.scene == SceneModel::Directions;
-    if directions && bundle.unknowns.first().is_some_and(|camera| !camera.is_free(MATRIX)) {
+    if held_lens_is_to_blame(joint) {
         return check_field_of_view(&joint.intrinsics, size);
     }
     let variance = largest_variance(joint);
@@ -236,7 +241,7 @@ pub(super) fn check_soundness(joint: &JointSolution, size: ImageSize) -> Result<
         )));
     }
     let effect = bundle.design_effects.iter().copied().fold(0.0, f64::max);
-    if directions && effect > MAX_DIRECTIONS_DESIGN_EFFECT {
+    if bundle.scene == SceneModel::Directions && effect > MAX_DIRECTIONS_DESIGN_EFFECT {
         return Err(Error::Unsound {
             reason: format!(
                 "the images look like those of a camera turning on the spot, but neighbouring points move together by more than that allows \
