@@ -436,7 +436,7 @@ fn not_used(c: &Calibration, width: usize) -> String {
     if left.is_empty() {
         return String::new();
     }
-    let with_plane = left.iter().filter(|m| m.rotation_deg.is_some()).count();
+    let with_plane = left.iter().filter(|m| m.matches > 0).count();
     let what = if turns_on_the_spot(c) { "a common turn" } else { "a common plane" };
     let head = format!(
         "not used: {} pairs; {with_plane} with {what}, {} without one or with too few matches:",

@@ -69,6 +69,10 @@ pub trait Observer: Sync {
     fn notice(&self, warning: &Warning) {
         let _ = warning;
     }
+    /// Why a pair of images, by their names, is no motion. Called where no calibration comes of it, which has the same of every pair.
+    fn pair_left_out(&self, images: [&str; 2], reason: &str) {
+        let _ = (images, reason);
+    }
     /// Whether the work is to stop. Asked often: an answer should take no longer than reading a flag.
     fn stopped(&self) -> bool {
         false

@@ -33,8 +33,6 @@ const STATED_TOLERANCE: f64 = 0.1;
 const UNEXPECTED_SIGMAS: f64 = 3.0;
 /// Significance level, for all motions together, of an attitude error that the others do not explain.
 const ATTITUDE_ERROR_P: f64 = 0.01;
-/// Pairs of different attitudes whose planes must contradict them to be worth a warning.
-const MIN_CONTRADICTIONS: usize = 2;
 
 /// What a lens taken to have no distortion would do if it had some: an unmodelled k1 of the true lens shows as the change that
 /// undoing it would make, the other way round. `solve` gives the camera of matches undone by a lens.
@@ -93,7 +91,7 @@ pub(super) fn doubts(
             Some(Warning::LensOffAxis { percent_of_distance, fx_percent: 100.0 * lever_arm.ln_f_sigma })
         }));
         let floors = joint.floors;
-        if floors.contradict >= MIN_CONTRADICTIONS && floors.contradict > floors.agree {
+        if floors.are_contradicted() {
             warnings.push(Warning::FloorsContradict { agree: floors.agree, contradict: floors.contradict });
         }
     }

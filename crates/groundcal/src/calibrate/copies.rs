@@ -37,6 +37,7 @@ const MIN_COMMON_MATCHES: usize = 4;
 pub(super) fn count_once(
     pairs: &mut [PairObservation],
     order: impl Fn(ImageId) -> (u64, ImageId),
+    name: impl Fn(ImageId) -> String,
 ) -> Vec<[ImageId; 2]> {
     let mut pictures = Pictures::default();
     for pair in pairs.iter().filter(|pair| is_of_one_picture(pair)) {
@@ -63,8 +64,8 @@ pub(super) fn count_once(
     for p in 0..pairs.len() {
         let kept = best[&pictures.of(&pairs[p])];
         if kept != p && pairs[p].geometry().is_some() {
-            let [a, b] = pairs[kept].images().map(ImageId::index);
-            let reason = format!("the pictures are those of images {a} and {b} again, and count once");
+            let [a, b] = pairs[kept].images().map(&name);
+            let reason = format!("the pictures are those of {a} and {b} again, and count once");
             pairs[p].outcome = Err(Refusal::new(RefusalKind::Repeated, reason, None));
         }
     }

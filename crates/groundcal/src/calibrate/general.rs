@@ -12,6 +12,7 @@ use nalgebra::{Matrix3, SMatrix, Vector3};
 
 use crate::{
     calibrate::{
+        doubts::widen_general_by_doubts,
         joint::JointSolution,
         options::Method,
         prior_conflicts::{allow_for_open_alternatives, release_contradicted_priors},
@@ -90,10 +91,18 @@ pub(super) fn solve_general(
         vec![best.bundle.state.clone()],
         &options,
         observer,
-    )?;
+    )
+    .map_err(|error| match error {
+        Error::Numerical { .. } => Error::Unsound {
+            reason: format!("the views do not hold together as views of one plane ({})", error.finding()),
+            remedies: vec![Remedy::CheckImages, Remedy::MoreViews],
+        },
+        error => error,
+    })?;
     let refined = input.refined(joint, solution_of(&best, stages), options);
     let mut refined = release_contradicted_priors(&input, refined)?;
     allow_for_open_alternatives(&mut refined);
+    widen_general_by_doubts(&mut refined.joint, stages.options);
     check_spread(&refined.joint.bundle.state, stages)?;
     check_soundness(&refined.joint, stages.size)?;
     check_one_plane(&refined.joint)?;
@@ -216,7 +225,14 @@ fn best_of(
     };
     let better = |best: usize, other: usize| if gain(&found[other], &found[best]) > 0.0 { other } else { best };
     let Some(gains_most) = (0..found.len()).reduce(better) else {
-        return Err(last_error.unwrap_or_else(|| unsound("the joint refinement failed".into())));
+        // What has no refinement is contradicted by its points, whatever stopped it.
+        return Err(match last_error {
+            Some(error) if error.is_degenerate() => error,
+            Some(error) => {
+                unsound(format!("views of one plane do not explain the homographies together ({})", error.finding()))
+            }
+            None => unsound("the joint refinement failed".into()),
+        });
     };
     let best = &found[gains_most];
     let sigma = best.camera_covariance()[(0, 0)].max(0.0).sqrt();

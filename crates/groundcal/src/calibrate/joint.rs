@@ -22,6 +22,16 @@ pub(super) struct SharedFloors {
     pub(super) contradict: usize,
 }
 
+impl SharedFloors {
+    /// Whether most of them cannot be the floor of both, and more than one.
+    pub(super) fn are_contradicted(self) -> bool {
+        self.contradict >= MIN_CONTRADICTIONS && self.contradict > self.agree
+    }
+}
+
+/// Pairs of different attitudes whose planes must contradict them to be worth a warning.
+const MIN_CONTRADICTIONS: usize = 2;
+
 /// Part of a prior's variance by which the data must narrow it to say anything of its number.
 const MIN_VARIANCE_REDUCTION: f64 = 1e-6;
 

@@ -8,6 +8,7 @@ mod attitude;
 mod checks;
 mod copies;
 mod departures;
+mod doubts;
 mod driver;
 pub(crate) mod earlier;
 mod evidence;

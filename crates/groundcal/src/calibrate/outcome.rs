@@ -18,6 +18,7 @@ use crate::{
     },
     geometry::plane_view::View,
     ids::{GroupId, ViewId},
+    numerics::statistics::CHI_SQUARED_2_999,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{SceneModel, ViewEstimate},
     result::{
@@ -286,6 +287,24 @@ fn motion_reports(
     pairs.iter().map(report).collect()
 }
 
+/// Why each pair that is no motion is none, as far as the selection says; without one, as far as its own matches do.
+pub(super) fn pairs_left_out(
+    pairs: &[PairObservation],
+    selection: Option<&Selection>,
+    names: Names<'_>,
+) -> Vec<([String; 2], String)> {
+    let left_out = |pair: &PairObservation| {
+        let verdict = selection.map_or(PairVerdict::NoMotion, |selection| selection.verdict(pair.id));
+        if matches!(verdict, PairVerdict::Used { .. }) {
+            return None;
+        }
+        let of_turn = || "a turn is to be seen, but with the other pairs it makes no set of motions".to_string();
+        let reason = why_not_used(pair, verdict, pairs, names).unwrap_or_else(of_turn);
+        Some((pair.images().map(|image| names.of(image)), reason))
+    };
+    pairs.iter().filter_map(left_out).collect()
+}
+
 /// Why a pair is not used, in the words of the report.
 fn why_not_used(
     pair: &PairObservation,
@@ -293,13 +312,17 @@ fn why_not_used(
     pairs: &[PairObservation],
     names: Names<'_>,
 ) -> Option<String> {
-    if let Err(refusal) = &pair.outcome {
-        return Some(refusal.reason.clone());
-    }
-    let PairVerdict::Rejected(rejection) = verdict else { return None };
+    // What a kind of motion asks of a pair is not what makes it a turn.
+    let PairVerdict::Rejected(rejection) = verdict else {
+        return pair.outcome.as_ref().err().map(|refusal| refusal.reason.clone());
+    };
     Some(match rejection {
+        Rejection::Disagrees { sigmas } if sigmas * sigmas < CHI_SQUARED_2_999 => format!(
+            "within the error bars of the other motions' camera ({sigmas:.1} sigma), but with it their set is no likelier than without"
+        ),
         Rejection::Disagrees { sigmas } if sigmas.is_finite() => format!(
-            "not a turn about the floor's normal: no agreement with the other motions' camera ({sigmas:.0} sigma)"
+            "not a turn about the floor's normal: no agreement with the other motions' camera ({sigmas:.0} sigma, {:.1} are allowed)",
+            CHI_SQUARED_2_999.sqrt()
         ),
         Rejection::Disagrees { .. } => "agrees with no camera".to_string(),
         Rejection::WrongSides => {
@@ -322,6 +345,10 @@ fn why_not_used(
         Rejection::OneMotionOnly => "not needed: the method transfers the one motion of most matches".to_string(),
         Rejection::NotNamed => "not one of the pairs named: at most a link between views".to_string(),
         Rejection::Redundant => "not needed: pairs of more matches join its images".to_string(),
+        Rejection::TooNoisy { sigma_px, most_px } => {
+            format!("the points of its plane scatter by {sigma_px:.1} px, {most_px} px are allowed")
+        }
+        Rejection::Mirrored => "one of its images is mirrored, or they show a plane from its two sides".to_string(),
         Rejection::OtherPlane => "its points are not of the plane that the other pairs show".to_string(),
         Rejection::Unconnected => "no common plane joins its images with the others".to_string(),
     })

@@ -4,6 +4,7 @@ use crate::{
     calibrate::{
         checks::unmodelled_distortion,
         departures::departures_found,
+        doubts::{is_repair_untried, widen_by_doubts},
         options::{HELD_ATTITUDE_SIGMA_DEG, Method},
         prior_conflicts::WIDE_LN_ASPECT,
         refinement_input::RefinementOptions,
@@ -49,13 +50,14 @@ pub(super) fn solve_plane_normal(
         camera: camera.clone(),
     };
     let mut warnings = Vec::new();
-    let (mut joint, mut left) = (None, None);
+    let (mut joint, mut left, mut has_repairs) = (None, None, false);
     if options.method == Method::Joint {
         let told = (&refinement, stages.size);
         match refine_until_sound(pairs, selection, &solution, lens, told, observer) {
             Ok(None) => {}
             Ok(Some(sound)) => {
                 let refined = sound.refined;
+                has_repairs = refined.is_repaired() || sound.selection.is_some();
                 warnings.extend(departures_found(&refined));
                 warnings.extend(refined.fisheye.map(|twice_log_odds| Warning::FisheyeLens { twice_log_odds }));
                 warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
@@ -76,7 +78,9 @@ pub(super) fn solve_plane_normal(
     let through =
         |lens: &PlacedLens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
     let mut lens_share = 0.0;
-    if let Some(joint) = &joint {
+    if let Some(joint) = &mut joint {
+        let is_repair_untried = is_repair_untried(has_repairs, solution.groups.len());
+        widen_by_doubts(joint, is_repair_untried, pairs, &used, options);
         check_certainty(&joint.camera_covariance(), options.constraint, solution.groups.len(), frame)?;
         solution = joint.solution(solution, &refinement.bundle);
         lens_share = joint.share_of_lens().sqrt();

@@ -98,6 +98,11 @@ impl Refined {
         matches!(self.joint.bundle.state.cameras[FIRST_CAMERA].lens, Lens::Fisheye(_))
     }
 
+    /// Whether an assumption of the camera or of its pictures was given up for it.
+    pub(super) fn is_repaired(&self) -> bool {
+        !self.conflicts.is_empty() || !self.departures.is_empty() || self.row_turn.is_some()
+    }
+
     /// Whether the attitude errors are larger than those of a camera that stands still.
     pub(super) fn has_attitude_errors(&self) -> bool {
         self.joint.bundle.attitude_sigma.sigma > SUSPECT_ATTITUDE_SIGMA

@@ -10,7 +10,7 @@ use crate::{
     error::Error,
     geometry::{intrinsics::Intrinsics, size::ImageSize},
     ids::{PairId, ViewId},
-    numerics::statistics::{chi_squared_survival, median},
+    numerics::statistics::{NORMAL_999, chi_squared_survival, median},
     observer::Observer,
     pairs::{known_lens::KnownLens, observation::PairObservation},
     refine::{Kind, SceneModel, blocks::MATRIX},
@@ -36,8 +36,6 @@ const MAX_DROPPED: usize = 4;
 const MAX_DROPPED_FRACTION: f64 = 0.25;
 /// Significance level of what is left of points beyond their noise.
 const ABOVE_NOISE_P: f64 = 1e-3;
-/// One-sided quantile of a normal variable that one in a thousand exceeds.
-const NORMAL_999: f64 = 3.09;
 /// Motions, those with the largest residuals first, of which each is looked at as the wrong one: a refinement each.
 const MAX_SUSPECTS: usize = 4;
 

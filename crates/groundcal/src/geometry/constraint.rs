@@ -108,6 +108,21 @@ mod tests {
         assert!(!ZeroSkew.holds_what(Square) && !Square.holds_what(FixedPrincipalPoint) && !Full.holds_what(Auto));
     }
 
+    /// What is asked of all of them elsewhere is asked of a new one, too.
+    #[test]
+    fn the_list_of_all_leaves_none_out() {
+        let place = |c: Constraint| match c {
+            Constraint::Auto => 0,
+            Constraint::Full => 1,
+            Constraint::ZeroSkew => 2,
+            Constraint::Square => 3,
+            Constraint::FixedPrincipalPoint => 4,
+            // A new one comes after the last, and the list has one more.
+            Constraint::Focal => 5,
+        };
+        assert_eq!(Constraint::ALL.map(place), [0, 1, 2, 3, 4, 5]);
+    }
+
     #[test]
     fn files_and_command_line_use_the_same_names() {
         for c in Constraint::ALL {

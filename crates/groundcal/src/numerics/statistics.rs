@@ -7,6 +7,8 @@ pub const NORMAL_95: f64 = 1.959_963_984_540_054;
 pub(crate) const CHI_SQUARED_2_99: f64 = 9.210_340_371_976_182;
 /// The same that 0.1 % exceed: -2 ln 0.001.
 pub(crate) const CHI_SQUARED_2_999: f64 = 13.815_510_557_964_274;
+/// Of a standard normal variable the value that 0.1 % exceed.
+pub(crate) const NORMAL_999: f64 = 3.090_232_306_167_813;
 /// Of chi-squared with four degrees of freedom the value that 0.1 % exceed.
 pub(crate) const CHI_SQUARED_4_999: f64 = 18.466_826_952_903_17;
 /// Standard deviations from which on a residual counts less (Huber's loss): 0.27 % of a normal variable's are beyond,
@@ -120,9 +122,13 @@ mod tests {
 
     #[test]
     fn quantiles_have_their_levels() {
-        for (value, dof, level) in
-            [(CHI_SQUARED_2_99, 2, 0.01), (CHI_SQUARED_2_999, 2, 0.001), (CHI_SQUARED_4_999, 4, 0.001)]
-        {
+        // The square of a normal variable counts both of its sides.
+        for (value, dof, level) in [
+            (CHI_SQUARED_2_99, 2, 0.01),
+            (CHI_SQUARED_2_999, 2, 0.001),
+            (CHI_SQUARED_4_999, 4, 0.001),
+            (NORMAL_999 * NORMAL_999, 1, 0.002),
+        ] {
             assert!((chi_squared_survival(value, dof) / level - 1.0).abs() < 1e-12, "{value}");
         }
         assert!((chi_squared_survival(NORMAL_95 * NORMAL_95, 1) / 0.05 - 1.0).abs() < 1e-9);

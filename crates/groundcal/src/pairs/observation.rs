@@ -159,10 +159,25 @@ impl PairObservation {
     /// Where the matches on a plane that turns lie in the first image, homogeneous pixels: as they are, or their rays through a wide
     /// lens.
     pub(crate) fn seen_in_first(&self) -> impl Iterator<Item = Vector3<f64>> {
-        self.inliers().filter_map(|m| match &self.wide_lens {
+        self.inliers().filter_map(|m| self.ray_in_first(m))
+    }
+
+    /// Where a match lies in the first image, so seen.
+    fn ray_in_first(&self, m: &PointMatch) -> Option<Vector3<f64>> {
+        match &self.wide_lens {
             Some(lens) => lens.ray_px(&m.a),
             None => Some(m.a.push(1.0)),
-        })
+        }
+    }
+
+    /// Whether both images show the same side of a plane that moved, as two pictures of a floor do and two of which one is mirrored do not: points before
+    /// both cameras keep their depth's sign under a homography of determinant 1.
+    pub(crate) fn shows_one_side(&self) -> bool {
+        let Some(plane) = self.moving_plane() else { return false };
+        let depth_row = plane.estimate.h_b_from_a.matrix().row(2).transpose();
+        let ray = |&k: &usize| self.ray_in_first(&self.matches[k]);
+        let behind = plane.inliers.iter().filter_map(ray).filter(|ray| depth_row.dot(ray) < 0.0).count();
+        2 * behind < plane.inliers.len()
     }
 
     /// Matches of a background that does not move, set aside.

@@ -236,7 +236,8 @@ impl<'a> Rounds<'a> {
             false => 1.0,
         };
         observer.go_on()?;
-        let widened = student * unexplained * nonlinear * nonlinear;
+        let misstated = problem.misstated_noise(&squared_residuals);
+        let widened = student * unexplained * nonlinear * nonlinear * misstated;
         let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };
         let mut cameras = solution.cameras();
         let (mut groups, mut views) = (solution.groups(), solution.views(tracks, &squared_residuals));

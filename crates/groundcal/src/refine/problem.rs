@@ -32,6 +32,11 @@ impl PreparedObservation {
     pub(crate) fn whitened(&self, r: &Vector2<f64>) -> Vector2<f64> {
         Vector2::new(self.whiten[0] * r.x + self.whiten[1] * r.y, self.whiten[2] * r.y)
     }
+
+    /// Trace of the information that was stated of it.
+    pub(crate) fn stated_information(&self) -> f64 {
+        self.whiten.iter().map(|w| w * w).sum()
+    }
 }
 
 /// Upper triangular U with UᵀU = m.

@@ -1,11 +1,22 @@
 //! Weights of the observations: the noise of each kind, what neighbours have in common, and the loss.
+//!
+//! ```text
+//! weight = Λ ρ(r) / (s² D),       s² = Σ ρ r² / degrees of freedom,       ρ = min(1, limit / |r|)                        (Huber 1964)
+//! D = Σ_cells |Σ r|²  /  Σ_cells 2 n s² (1 - 1/m) (c - 8/p) / c           1 where chance exceeds it with more than one in a hundred
+//! ```
+//!
+//! with r the whitened residuals of n points in a cell of one of m pictures, c numbers of full cells of a pair of pictures and p kinds of measurement and cameras between
+//! them: a homography of its own would take eight.
 
 use std::collections::BTreeMap;
 
 use nalgebra::Vector2;
 
 use crate::{
-    numerics::{skyline::SkylineCholesky, statistics::chi_squared_survival},
+    numerics::{
+        skyline::SkylineCholesky,
+        statistics::{NORMAL_999, chi_squared_survival},
+    },
     refine::{blocks::State, problem::Problem, tracks::KINDS},
 };
 
@@ -212,6 +223,36 @@ impl Problem {
                 s.robust = if r > limit { (limit / r).sqrt() } else { 1.0 };
             }
         }
+    }
+
+    /// By how much more the variance of an estimate is than the mean of the residuals has it, where observations that are said to be precise are less so than
+    /// others: with weights w that are stated and variances s² / w that are true, the weights of least squares leave
+    ///
+    /// ```text
+    /// h = (Σ w s² / Σ w) / (Σ s² / N)            (White 1980, for derivatives that have nothing to do with the weights)
+    /// ```
+    ///
+    /// of the variance that (Σ s² / N) / Σ w has. The largest of the kinds; 1 where the difference may be chance.
+    pub(crate) fn misstated_noise(&self, squared_residuals: &[Vec<f64>]) -> f64 {
+        // Σ w, Σ w², Σ w s², Σ s², N.
+        let mut sums = [[0.0; 5]; KINDS];
+        for ((seen, residuals), &kind) in self.prepared.iter().zip(squared_residuals).zip(&self.kinds) {
+            for (s, r) in seen.iter().zip(residuals) {
+                let (w, r) = (s.stated_information(), s.robust * r);
+                let terms = [w, w * w, w * r, r, 1.0];
+                sums[kind].iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
+            }
+        }
+        let of_kind = |[w, w2, wr, r, n]: [f64; 5]| {
+            if w <= 0.0 || r <= 0.0 {
+                return 1.0;
+            }
+            let ratio = (wr / w) / (r / n);
+            // The two residuals of a point in two pictures are one: half as many are independent.
+            let by_chance = (2.0 * (w2 / (w * w) - 1.0 / n)).max(0.0).sqrt();
+            if ratio > 1.0 + NORMAL_999 * by_chance { ratio } else { 1.0 }
+        };
+        sums.map(of_kind).into_iter().fold(1.0, f64::max)
     }
 
     /// Sums of the squared residuals of each kind with the weights in force.

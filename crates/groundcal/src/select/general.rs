@@ -13,7 +13,7 @@ use nalgebra::Matrix3;
 use crate::{
     error::Error,
     ids::{ImageId, PairId},
-    numerics::graph::{components, largest_component},
+    numerics::graph::{TreeNode, components, largest_component, spanning_forest},
     pairs::{
         observation::{PairObservation, images_of, why_no_motion},
         robust::RobustHomography,
@@ -49,10 +49,17 @@ pub(crate) fn select_general(
     options: &GeneralOptions,
 ) -> Result<Selection, Error> {
     let is_plane = |pair: &&PairObservation| {
-        let precise = |plane: &RobustHomography| plane.estimate.sigma_px <= options.max_sigma_px;
+        let precise = |plane: &RobustHomography| too_noisy(plane, options).is_none();
         pair.moving_plane().is_some_and(precise) && !other_planes.contains(&pair.id)
     };
-    let planes: Vec<PairId> = pairs.iter().filter(is_plane).map(|p| p.id).collect();
+    let of_both_sides: Vec<PairId> = pairs.iter().filter(is_plane).map(|p| p.id).collect();
+    let mirrored = mirrored_images(&of_both_sides, pairs);
+    let is_mirrored = |image: ImageId| mirrored[image.index()];
+    let of_one_side = |id: &PairId| {
+        let [a, b] = pairs[*id].images().map(is_mirrored);
+        a == b && pairs[*id].shows_one_side()
+    };
+    let planes: Vec<PairId> = of_both_sides.into_iter().filter(of_one_side).collect();
     if planes.is_empty() {
         return Err(why_no_motion(pairs, options.min_matches));
     }
@@ -87,9 +94,36 @@ pub(crate) fn select_general(
         } else if planes.contains(&id) {
             PairVerdict::Rejected(Rejection::Unconnected)
         } else {
-            PairVerdict::NoMotion
+            match pairs[id].moving_plane().map(|plane| too_noisy(plane, options)) {
+                Some(Some(rejection)) => PairVerdict::Rejected(rejection),
+                Some(None) => PairVerdict::Rejected(Rejection::Mirrored),
+                None => PairVerdict::NoMotion,
+            }
         }
     }))
+}
+
+/// Which images show the plane from the other side than the first of those they are joined with, or mirrored: as the pairs of most matches have it, among
+/// which a chance plane of a mirrored picture is not.
+fn mirrored_images(planes: &[PairId], pairs: &[PairObservation]) -> Vec<bool> {
+    let mut best_first = planes.to_vec();
+    best_first.sort_by_key(|&id| (Reverse(matches_of(id, pairs)), id));
+    let edge = |id: &PairId| pairs[*id].images().map(ImageId::index).into();
+    let edges: Vec<(usize, usize)> = best_first.iter().map(edge).collect();
+    let count = pairs.iter().flat_map(PairObservation::images).map(|image| image.index() + 1).max().unwrap_or(0);
+    let mut mirrored = vec![false; count];
+    for TreeNode { node, by } in spanning_forest(count, &edges) {
+        if let Some((edge, from)) = by {
+            mirrored[node] = mirrored[from] == pairs[best_first[edge]].shows_one_side();
+        }
+    }
+    mirrored
+}
+
+/// Whether the points of a plane scatter too much. Patches have been judged by their own deviations.
+fn too_noisy(plane: &RobustHomography, options: &GeneralOptions) -> Option<Rejection> {
+    let (sigma_px, most_px) = (plane.estimate.sigma_px, options.max_sigma_px);
+    (!plane.patches && sigma_px > most_px).then_some(Rejection::TooNoisy { sigma_px, most_px })
 }
 
 fn matches_of(id: PairId, pairs: &[PairObservation]) -> usize {
@@ -175,4 +209,73 @@ pub(crate) fn homographies_from_reference(
         known.insert(image, h / h.norm());
     }
     (reference, known)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{frame::Frame, size::ImageSize},
+        pairs::{
+            correspondence::PointMatch,
+            observation::{Refusal, RefusalKind},
+            refine::HomographyEstimate,
+        },
+    };
+
+    const SIZE: ImageSize = ImageSize { width: 640, height: 480 };
+
+    /// A pair of which `matches` points are of the plane that `h` maps.
+    fn pair(id: usize, [from, to]: [usize; 2], h: &Matrix3<f64>, matches: usize) -> PairObservation {
+        let estimate = HomographyEstimate::from_pixels(h, None, Frame::new(SIZE, None), matches).expect("invertible");
+        let seen = |k: usize| {
+            let (x, y) = (100.0 + 40.0 * (k % 10) as f64, 80.0 + 30.0 * (k / 10) as f64);
+            let b = h * nalgebra::Vector3::new(x, y, 1.0);
+            PointMatch::new([x, y], [b.x / b.z, b.y / b.z])
+        };
+        let plane = RobustHomography {
+            estimate,
+            inliers: (0..matches).collect(),
+            static_background: 0,
+            patches: false,
+            is_static: false,
+        };
+        PairObservation {
+            id: PairId::new(id),
+            from: ImageId::new(from),
+            to: ImageId::new(to),
+            matches: (0..matches).map(seen).collect(),
+            candidates: matches,
+            outcome: Err(Refusal::new(RefusalKind::NoRotation, "no turn".into(), Some(plane))),
+            superseded: None,
+            wide_lens: None,
+        }
+    }
+
+    /// What most matches say of a mirrored image outweighs a chance plane by which it seems to be one of the others.
+    #[test]
+    fn a_mirrored_image_is_left_out_with_its_chance_plane() {
+        let view = |t: f64, shift: f64| Matrix3::new(1.0, t, shift, -t, 1.0, 10.0, 1e-4 * t, 2e-4, 1.0);
+        let mirror = Matrix3::new(-1.0, 0.0, 639.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+        let views = [view(0.0, 0.0), view(0.1, 30.0), view(-0.2, 20.0), mirror * view(0.1, -40.0)];
+        let between = |id: usize, [a, b]: [usize; 2], matches: usize| {
+            pair(id, [a, b], &(views[b] * views[a].try_inverse().expect("invertible")), matches)
+        };
+        let chance = pair(5, [2, 3], &view(0.3, 100.0), 20);
+        let pairs = vec![
+            between(0, [0, 1], 80),
+            between(1, [0, 2], 70),
+            between(2, [1, 2], 60),
+            between(3, [0, 3], 75),
+            between(4, [1, 3], 50),
+            chance,
+        ];
+        let selection =
+            select_general(&pairs, &[], &GeneralOptions { min_matches: 8, max_sigma_px: 2.0 }).expect("three views");
+        assert_eq!(selection.used(), [0, 1, 2].map(PairId::new));
+        for mirrored in [3, 4, 5] {
+            let verdict = selection.verdict(PairId::new(mirrored));
+            assert_eq!(verdict, PairVerdict::Rejected(Rejection::Mirrored), "{mirrored}");
+        }
+    }
 }

@@ -91,7 +91,7 @@ fn selection_of(used: &[PairId], nearest: &Intrinsics, pairs: &[PairObservation]
     Selection::new(MotionKind::Turning { focal_px: nearest.fx }, pairs, |id| {
         if used.contains(&id) {
             PairVerdict::Used { sides: HorizonSides::Both }
-        } else if pairs[id].outcome.is_ok() {
+        } else if pairs[id].moving_plane().is_some() {
             PairVerdict::Rejected(Rejection::NoRotation)
         } else {
             PairVerdict::NoMotion

@@ -68,6 +68,15 @@ pub(crate) enum Rejection {
     Unconnected,
     /// Its points are not of the plane that the others show.
     OtherPlane,
+    /// The points of its plane scatter by more than general motion makes use of.
+    TooNoisy {
+        /// Standard deviation of a match.
+        sigma_px: f64,
+        /// The largest allowed.
+        most_px: f64,
+    },
+    /// Its images show the two sides of a plane, or one of them is mirrored.
+    Mirrored,
 }
 
 /// The motions among a list of pairs.
@@ -139,7 +148,7 @@ impl Selection {
     pub(crate) fn confirmed(mut self, pairs: &[PairObservation]) -> Self {
         for (pair, verdict) in pairs.iter().zip(&mut self.verdicts) {
             if matches!(verdict, PairVerdict::Used { .. }) && pair.outcome.is_err() {
-                *verdict = PairVerdict::Rejected(Rejection::Disagrees { sigmas: f64::INFINITY });
+                *verdict = PairVerdict::NoMotion;
             }
         }
         self
@@ -196,6 +205,6 @@ mod tests {
         pairs[1].outcome = Err(Refusal::new(RefusalKind::NoRotation, "hardly a turn".into(), None));
         let selection = selection.confirmed(&pairs);
         assert_eq!((selection.used(), turned(&selection, &pairs)), (vec![second], vec![before[1]]));
-        assert!(matches!(selection.verdict(first), PairVerdict::Rejected(Rejection::Disagrees { .. })));
+        assert!(matches!(selection.verdict(first), PairVerdict::NoMotion));
     }
 }

@@ -7,8 +7,8 @@
 //! ```
 //!
 //! Two equations a view for the focal length and two numbers of the normal. With a, b, c the entries of the form Mᵀ M on (u, v) the residual
-//! is (a - b, 2 c) / (a + b), whose length is (1 - q) / (1 + q), q the ratio of the axes of the ellipse that a circle of the plane becomes: no choice
-//! of u and v matters. The equations have several solutions, so all focal lengths and normals are scanned, and what is best there is refined.
+//! is r = (a - b, 2 c) / (a + b), whose length is (1 - q²) / (1 + q²), q the ratio of the axes of the ellipse that a circle of the plane becomes: no choice
+//! of u and v matters. What is summed is |r|² / (1 + |r|² / 0.3²) (Geman & McClure 1985), so that a wrong homography costs no more than 0.3². The equations have several solutions, so all focal lengths and normals are scanned, and what is best there is refined.
 
 use nalgebra::{DVector, Matrix3, SMatrix, SVector, Vector3};
 

@@ -2,19 +2,7 @@
 
 use groundcal::{Calibration, ImagePair, Options, Silent, calibrate_matches};
 
-use crate::floor_views::{FOCAL_PX, FloorView, SIZE, Taken, matches, view};
-
-/// Two views each at attitudes of which the camera turned about the floor's normal, by about 35 degrees.
-fn pairs_of_views(attitudes: &[[f64; 2]]) -> Vec<FloorView> {
-    let of = |(i, [pitch, roll]): (usize, &[f64; 2])| {
-        let (i, yaw) = (i as f64, 50.0 * i as f64);
-        [
-            view([*pitch, *roll, yaw], [0.1 * i, 0.05 * i]),
-            view([*pitch, *roll, yaw + 35.0], [0.1 * i + 0.25, 0.05 * i - 0.2]),
-        ]
-    };
-    attitudes.iter().enumerate().flat_map(of).collect()
-}
+use crate::floor_views::{FOCAL_PX, FloorView, SIX, SIZE, Taken, furthest, matches, pairs_of_views, view};
 
 /// With the motions alone, as a set of single turns has them.
 fn calibrated(attitudes: &[[f64; 2]], taken: Taken, seed: u64) -> Result<Calibration, groundcal::Error> {
@@ -32,22 +20,6 @@ fn calibrated_with(
     let names: Vec<String> = (0..views.len()).map(|i| i.to_string()).collect();
     calibrate_matches(&names, SIZE, &motions, options, &Silent)
 }
-
-/// How far the camera is off, in deviations at most.
-fn furthest(c: &Calibration, aspect: f64) -> f64 {
-    let s = &c.standard_deviation;
-    let off = |value: f64, truth: f64, sigma: Option<f64>| (value - truth).abs() / sigma.expect("estimated");
-    [
-        off(c.camera.fx, FOCAL_PX, s.fx),
-        off(c.camera.fy, aspect * FOCAL_PX, s.fy),
-        off(c.camera.cx, 511.5, s.cx),
-        off(c.camera.cy, 383.5, s.cy),
-    ]
-    .into_iter()
-    .fold(0.0, f64::max)
-}
-
-const SIX: [[f64; 2]; 6] = [[40.0, 5.0], [58.0, 25.0], [50.0, -30.0], [65.0, 60.0], [45.0, -60.0], [55.0, 0.0]];
 
 #[test]
 fn one_turn_while_all_pictures_are_read_out_is_found_and_named() {

@@ -1,6 +1,6 @@
 //! Views of a floor from anywhere, as a pinhole camera takes them that may turn while a picture is read out: plain geometry, nothing of the library's.
 
-use groundcal::{ImagePair, ImageSize, PointMatch};
+use groundcal::{Calibration, ImagePair, ImageSize, PointMatch};
 use nalgebra::{Rotation3, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -75,4 +75,34 @@ pub(crate) fn matches(views: &[FloorView], taken: Taken, seed: u64) -> Vec<Image
         }
     }
     pairs
+}
+
+/// Attitudes of a tripod, pitch and roll in degrees.
+pub(crate) const SIX: [[f64; 2]; 6] =
+    [[40.0, 5.0], [58.0, 25.0], [50.0, -30.0], [65.0, 60.0], [45.0, -60.0], [55.0, 0.0]];
+
+/// Two views each at attitudes of which the camera turned about the floor's normal, by about 35 degrees.
+pub(crate) fn pairs_of_views(attitudes: &[[f64; 2]]) -> Vec<FloorView> {
+    let of = |(i, [pitch, roll]): (usize, &[f64; 2])| {
+        let (i, yaw) = (i as f64, 50.0 * i as f64);
+        [
+            view([*pitch, *roll, yaw], [0.1 * i, 0.05 * i]),
+            view([*pitch, *roll, yaw + 35.0], [0.1 * i + 0.25, 0.05 * i - 0.2]),
+        ]
+    };
+    attitudes.iter().enumerate().flat_map(of).collect()
+}
+
+/// How far the camera is off, in deviations at most.
+pub(crate) fn furthest(c: &Calibration, aspect: f64) -> f64 {
+    let s = &c.standard_deviation;
+    let off = |value: f64, truth: f64, sigma: Option<f64>| (value - truth).abs() / sigma.expect("estimated");
+    [
+        off(c.camera.fx, FOCAL_PX, s.fx),
+        off(c.camera.fy, aspect * FOCAL_PX, s.fy),
+        off(c.camera.cx, 511.5, s.cx),
+        off(c.camera.cy, 383.5, s.cy),
+    ]
+    .into_iter()
+    .fold(0.0, f64::max)
 }

@@ -4,6 +4,7 @@
 
 mod copies;
 mod departures;
+mod doubts;
 mod exact;
 mod fisheye;
 mod floor_points;
