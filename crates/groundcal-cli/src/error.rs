@@ -36,7 +36,29 @@ pub(crate) enum CliError {
     /// A signal asked the program to end; the exit code.
     Stopped(u8),
     /// One of these, after something was noted that may be the reason.
-    Noted(Box<CliError>, Vec<Remark>),
+    Noted(Box<CliError>, Noted),
+}
+
+/// What was noted before the end.
+#[derive(Debug, Default)]
+pub(crate) struct Noted {
+    pub(crate) remarks: Vec<Remark>,
+    /// Pairs that are no motions.
+    pub(crate) left_out: Vec<PairLeftOut>,
+}
+
+impl Noted {
+    pub(crate) fn is_empty(&self) -> bool {
+        self.remarks.is_empty() && self.left_out.is_empty()
+    }
+}
+
+/// A pair of images that is no motion.
+#[derive(Debug, Clone, Serialize)]
+pub(crate) struct PairLeftOut {
+    pub(crate) from: String,
+    pub(crate) to: String,
+    pub(crate) reason: String,
 }
 
 /// What was noted of the input before the end.
@@ -67,6 +89,9 @@ struct Failure {
     remedies: Vec<&'static str>,
     /// What was noted of the input before.
     notes: Vec<Remark>,
+    /// Why each pair is no motion, where none or too few are.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pairs: Vec<PairLeftOut>,
 }
 
 impl CliError {
@@ -105,9 +130,10 @@ impl CliError {
 
     /// For `--json`.
     pub(crate) fn report(&self) -> ErrorReport {
-        if let CliError::Noted(error, notes) = self {
+        if let CliError::Noted(error, noted) = self {
             let mut report = error.report();
-            report.error.notes.extend_from_slice(notes);
+            report.error.notes.extend_from_slice(&noted.remarks);
+            report.error.pairs.extend_from_slice(&noted.left_out);
             return report;
         }
         let (code, remedies) = match self {
@@ -121,7 +147,8 @@ impl CliError {
             CliError::Calibration(error) => verdict_on_refusal(error),
             _ => None,
         };
-        ErrorReport { verdict, error: Failure { code, message: self.to_string(), remedies, notes: Vec::new() } }
+        let message = self.to_string();
+        ErrorReport { verdict, error: Failure { code, message, remedies, notes: Vec::new(), pairs: Vec::new() } }
     }
 }
 
@@ -194,7 +221,8 @@ mod tests {
         assert_eq!(degenerate["notes"], serde_json::json!([]));
         assert_eq!(report(CliError::Other("x\u{1b}[2J".into()))["message"], r"x\u{1b}[2J");
         let note = Remark { code: "damaged_image".into(), message: "a.jpg: ends early".into() };
-        let noted = CliError::Noted(Box::new(Error::TooFewImages { found: 1 }.into()), vec![note]);
+        let noted = Noted { remarks: vec![note], ..Noted::default() };
+        let noted = CliError::Noted(Box::new(Error::TooFewImages { found: 1 }.into()), noted);
         assert_eq!(noted.exit_code(), UNDETERMINED);
         let noted = report(noted);
         assert_eq!((&noted["code"], &noted["message"]), (&degenerate["code"], &degenerate["message"]));

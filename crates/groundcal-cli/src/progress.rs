@@ -9,7 +9,7 @@ use groundcal::{Observer, Stage, result::Warning};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::{
-    error::{CliError, Remark},
+    error::{CliError, Noted, PairLeftOut, Remark},
     interrupt, output,
     remedies::Flags,
     terminal::{self, ProgressArg},
@@ -41,6 +41,8 @@ struct State {
     noted: Vec<Remark>,
     /// What a calibration would have among its warnings.
     noticed: Vec<Warning>,
+    /// What a calibration would say of its pairs.
+    left_out: Vec<PairLeftOut>,
 }
 
 impl StageTimes {
@@ -49,8 +51,8 @@ impl StageTimes {
         let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::hidden());
         let now = Instant::now();
         let (how, steps, last_line) = (terminal::progress(), (0, 0), None);
-        let (stages, noted, noticed) = (vec![(first, now)], Vec::new(), Vec::new());
-        Self { started: now, state: Mutex::new(State { how, bar, steps, last_line, stages, noted, noticed }) }
+        let (stages, noted, noticed, left_out) = (vec![(first, now)], Vec::new(), Vec::new(), Vec::new());
+        Self { started: now, state: Mutex::new(State { how, bar, steps, last_line, stages, noted, noticed, left_out }) }
     }
 
     fn with<T>(&self, action: impl FnOnce(&mut State) -> T) -> T {
@@ -69,13 +71,14 @@ impl StageTimes {
     /// An error with what was noted before; what was not told yet is told.
     pub(crate) fn noted(&self, error: CliError) -> CliError {
         self.with(|state| {
-            let mut notes = std::mem::take(&mut state.noted);
+            let mut remarks = std::mem::take(&mut state.noted);
             for warning in std::mem::take(&mut state.noticed) {
                 let message = warning.message(&Flags);
                 output::note(&message);
-                notes.push(Remark { code: warning.code().into(), message });
+                remarks.push(Remark { code: warning.code().into(), message });
             }
-            if notes.is_empty() { error } else { CliError::Noted(Box::new(error), notes) }
+            let noted = Noted { remarks, left_out: std::mem::take(&mut state.left_out) };
+            if noted.is_empty() { error } else { CliError::Noted(Box::new(error), noted) }
         })
     }
 
@@ -145,6 +148,10 @@ impl Observer for StageTimes {
     fn begin(&self, stage: Stage, total: usize) {
         self.with(|state| {
             state.stages.push((label(stage), Instant::now()));
+            // Selected again, with finer features, what was said of the pairs is said again.
+            if stage == Stage::Selection {
+                state.left_out.clear();
+            }
             state.steps = (0, total);
             if let Ok(style) = ProgressStyle::with_template(if total > 1 { COUNTED } else { UNCOUNTED }) {
                 state.bar.set_style(style.progress_chars("=> "));
@@ -164,6 +171,11 @@ impl Observer for StageTimes {
             state.show(self.started);
             state.bar.inc(1);
         });
+    }
+
+    fn pair_left_out(&self, [from, to]: [&str; 2], reason: &str) {
+        let left_out = PairLeftOut { from: from.into(), to: to.into(), reason: reason.into() };
+        self.with(|state| state.left_out.push(left_out));
     }
 
     fn notice(&self, warning: &Warning) {

@@ -20,7 +20,7 @@ use groundcal_io::{
     names::image_names,
     note::Note,
     outputs::Request,
-    text::shown,
+    text::{message, shown},
 };
 use groundcal_report::{
     html,
@@ -32,7 +32,7 @@ use crate::{
         ConstraintArg, DistortionArg, FeaturesArg, FormatArg, MotionArg, OverwriteArg, ThreadsArg, parse_height,
         parse_point, parse_prior, parse_size,
     },
-    error::CliError,
+    error::{CliError, Noted, PairLeftOut},
     foreign,
     output::{self, Results},
     progress::StageTimes,
@@ -330,7 +330,11 @@ fn calibrate(
     let Calibrated { mut calibration, images } = result.map_err(|error| match error {
         // A signal is its own reason.
         CliError::Stopped(_) => error,
-        error => progress.noted(error),
+        error => {
+            let error = progress.noted(error);
+            tell_pairs_left_out(&error, args.verbose);
+            error
+        }
     })?;
     let lengths = Lengths {
         camera_height_m: args.camera_height,
@@ -380,6 +384,18 @@ fn calibrate(
         output::remark(&format!("{:<20}{total:>8.3} s", "all"));
     }
     Ok(())
+}
+
+/// Why each pair is no motion, or that there is more to be had on it.
+fn tell_pairs_left_out(error: &CliError, verbose: bool) {
+    let CliError::Noted(_, Noted { left_out, .. }) = error else { return };
+    if verbose {
+        for PairLeftOut { from, to, reason } in left_out {
+            output::remark(&message(&format!("not used: {from} - {to}: {reason}")));
+        }
+    } else if !left_out.is_empty() {
+        output::note(&format!("--verbose says of each of {} pairs why it is no motion", left_out.len()));
+    }
 }
 
 /// A calibration and what it was made from.

@@ -13,7 +13,7 @@ use crate::{
     readers::python,
 };
 use groundcal::{
-    geometry::{Division, Fisheye, Lens, Radtan},
+    geometry::{Constraint, Division, Fisheye, Lens, Radtan},
     result::{DistortionReport, LensSource},
     synthetic::PointScene,
 };
@@ -203,6 +203,7 @@ fn errors_are_as_their_schema_says() {
     for args in [
         &["calibrate", "nowhere", "--json"][..],
         &["calibrate", &at("examples/tripod/00a.jpg"), "--json"],
+        &["calibrate", &at("examples/tripod/00a.jpg"), &at("examples/tripod/01a.jpg"), "--json"],
         &["calibrate", &three, "--image-size", "640x480", "--json"],
         &["calibrate", &one, "--image-size", "640x480", "--json"],
         &["calibrate", &three, "--json"],
@@ -239,4 +240,24 @@ fn with_python(schema: &Value, values: &[Value]) {
                   jsonschema.Draft202012Validator.check_schema(schema)\n[jsonschema.validate(v, schema) for v in values]";
     let run = Command::new(python).args(["-c", script, &schema, &values]).output().unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+}
+
+/// One that is added to the library must be asked for, written and read by the same name.
+#[test]
+fn constraints_have_one_name_everywhere() {
+    let names: BTreeSet<String> = Constraint::ALL.iter().map(ToString::to_string).collect();
+    let of_schema = schema("calibration.schema.json")["properties"]["constraint"]["enum"].clone();
+    let of_schema: BTreeSet<String> = serde_json::from_value(of_schema).expect("names");
+    assert_eq!(of_schema, names, "the schema");
+    let formats = std::fs::read_to_string(root().join("docs/formats.md")).unwrap();
+    let row = formats.lines().find(|line| line.starts_with("| `constraint` |")).expect("a row");
+    let of_row: BTreeSet<String> = row.split('`').skip(3).step_by(2).map(str::to_string).collect();
+    assert_eq!(of_row, names, "docs/formats.md");
+    for command in ["calibrate", "plan"] {
+        let help = groundcal(&[command, "--help"]).stdout;
+        let values = help.split("--constraint <").nth(1).expect("the option");
+        for name in &names {
+            assert!(values.contains(&format!("- {name}:")), "{command} --help has no {name}");
+        }
+    }
 }

@@ -75,6 +75,24 @@ fn quiet_says_nothing_but_errors_and_json() {
     assert!(run.code == 4 && run.stderr.starts_with("error: "), "{}", run.stderr);
 }
 
+/// Who is refused asks of a certain pair, too.
+#[test]
+fn refusals_say_of_each_pair_why_it_is_no_motion() {
+    // Views of three attitudes, between which the camera tilted.
+    let images = ["00a.jpg", "01a.jpg", "02a.jpg"].map(|name| at(&format!("examples/tripod/{name}")));
+    let run = groundcal(&["calibrate", &images[0], &images[1], &images[2], "--json"]);
+    assert_eq!(run.code, 3, "{}", run.stderr);
+    let json: Value = serde_json::from_str(&run.stdout).unwrap();
+    let pairs = json["error"]["pairs"].as_array().expect("pairs");
+    assert_eq!(pairs.len(), 3, "each once: {pairs:?}");
+    assert!(run.stderr.contains("note: --verbose says of each of 3 pairs"), "{}", run.stderr);
+    let run = groundcal(&["calibrate", &images[0], &images[1], &images[2], "--verbose"]);
+    for pair in pairs {
+        let [from, to, reason] = ["from", "to", "reason"].map(|field| pair[field].as_str().expect("text"));
+        assert!(run.stderr.contains(&format!("not used: {from} - {to}: {reason}")), "{}", run.stderr);
+    }
+}
+
 #[test]
 fn a_folder_stands_for_its_calibration() {
     let folder = tempdir().unwrap();
