@@ -25,7 +25,7 @@ use crate::{
     result::{MotionKind, Scene},
 };
 
-/// Factor on the variance of an answer that is doubted and stands: twice its deviations. (Of 34 answers of the bench that other planes contradicted and views
+/// Factor on the variance of an answer that is doubted and stands: twice its deviations. (Of 39 answers of the bench that other planes contradicted and views
 /// from anywhere did not explain 4 were off by more than 3 deviations, up to 14; of 44 repaired with three attitudes or fewer 5, up to 5.7; of 165
 /// repaired with more 3, and of all others one in 60.)
 const DOUBTED_VARIANCE: f64 = 4.0;

@@ -93,8 +93,8 @@ pub(crate) fn verdict_on(c: &Calibration, on_the_spot: bool) -> Verdict {
     }
 }
 
-/// Priors that may be contradicted in an answer: its two numbers of decentring or two of a kind, and beside pictures that depart one. (Of the two
-/// answers of the bench with more, four and six, the second was off by 40 deviations.)
+/// Priors that may be contradicted in an answer, and beside pictures that depart. (Of the two answers of the bench with more than two, the one with six was off by
+/// 40 deviations.)
 const MAX_RELEASED: usize = 2;
 const MAX_RELEASED_BESIDE_DEPARTURES: usize = 1;
 

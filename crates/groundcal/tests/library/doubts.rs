@@ -28,10 +28,11 @@ fn calibrated(views: &[FloorView], mirrored: &[usize], seed: u64, motion: Motion
     calibrate_matches(&names, SIZE, &pairs, &Options { motion, ..Options::default() }, &Silent)
 }
 
-/// One motion of three between which the camera tilted: the others are too few to tell which, but all pairs are views of one floor.
+/// One motion of three between which the camera tilted: the others are too few to tell which, but all pairs are views of one floor. Who vouches for the
+/// motions keeps them, and hears that the floor contradicts them.
 #[test]
 fn motions_that_the_shared_floor_contradicts_give_way_to_views_from_anywhere() {
-    let mut general = 0;
+    let (mut general, mut contradicted) = (0, 0);
     for n in 0..12 {
         let (wrong, tilt) = (n % 3, [-6.0, 3.0, 8.0, -8.0][n % 4]);
         let mut views = pairs_of_views(&SIX[..3]);
@@ -41,8 +42,16 @@ fn motions_that_the_shared_floor_contradicts_give_way_to_views_from_anywhere() {
         let off = furthest(&c, 1.0);
         println!("motion {wrong} tilted by {tilt}: {:?}, {off:.1} deviations", c.motion);
         assert!(off < 3.5, "motion {wrong} tilted by {tilt}: {off} deviations");
-        general += usize::from(c.motion == Some(MotionKind::General));
+        let is_general = c.motion == Some(MotionKind::General);
+        general += usize::from(is_general);
+        let vouched = calibrated(&views, &[], 60 + n as u64, MotionModel::PlaneNormal);
+        if vouched.is_ok_and(|c| c.warnings.iter().any(|w| w.code() == "floors_contradict")) {
+            contradicted += 1;
+            assert!(is_general, "motion {wrong} tilted by {tilt}: contradicted, and kept");
+        }
     }
+    println!("{general} general, {contradicted} of those vouched for contradicted");
+    assert!(contradicted >= 3, "{contradicted} of 12 are contradicted");
     assert!(general >= 6, "{general} of 12 are taken for views from anywhere");
 }
 
