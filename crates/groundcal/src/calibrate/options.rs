@@ -439,6 +439,16 @@ impl Options {
         self.priors.iter().find(|p| p.parameter == parameter).map(|p| (p.mean, p.sigma))
     }
 
+    /// Whether somebody said what a number of the camera matrix is, or about what.
+    pub(super) fn is_told(&self, parameter: PriorParameter) -> bool {
+        let is_held = match parameter {
+            PriorParameter::Aspect => self.aspect.is_some(),
+            PriorParameter::Cx | PriorParameter::Cy => self.principal_point_px.is_some(),
+            _ => false,
+        };
+        is_held || self.given_prior(parameter).is_some()
+    }
+
     /// The frame of the estimation: its origin is the assumed principal point.
     pub(super) fn frame(&self, size: ImageSize) -> Frame {
         Frame::new(size, self.principal_point_px)

@@ -4,7 +4,7 @@ use crate::{
     calibrate::{
         checks::unmodelled_distortion,
         departures::departures_found,
-        doubts::{is_repair_untried, widen_by_doubts},
+        doubts::widen_by_doubts,
         options::{HELD_ATTITUDE_SIGMA_DEG, Method},
         prior_conflicts::WIDE_LN_ASPECT,
         refinement_input::RefinementOptions,
@@ -79,8 +79,7 @@ pub(super) fn solve_plane_normal(
         |lens: &PlacedLens| Ok(camera_of_motions_through(lens, pairs, &used, frame, &camera, observer)?.intrinsics);
     let mut lens_share = 0.0;
     if let Some(joint) = &mut joint {
-        let is_repair_untried = is_repair_untried(has_repairs, solution.groups.len());
-        widen_by_doubts(joint, is_repair_untried, pairs, &used, options);
+        widen_by_doubts(joint, (has_repairs, solution.groups.len()), pairs, &used, options);
         check_certainty(&joint.camera_covariance(), options.constraint, solution.groups.len(), frame)?;
         solution = joint.solution(solution, &refinement.bundle);
         lens_share = joint.share_of_lens().sqrt();

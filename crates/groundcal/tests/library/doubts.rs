@@ -1,7 +1,7 @@
 //! Answers that what was seen doubts: planes that cannot be the floor of both views, pictures that are mirrored, deviations of matches that are not
 //! those that were stated.
 
-use groundcal::{Calibration, Error, MotionModel, Options, Silent, calibrate_matches, result::MotionKind};
+use groundcal::{Calibration, Error, ImageSize, MotionModel, Options, Silent, calibrate_matches, result::MotionKind};
 
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
@@ -93,4 +93,32 @@ fn deviations_that_are_misstated_are_in_the_error_bars() {
     let (right, misstated) = (furthest_of(1.0), furthest_of(5.0));
     println!("greatest of four errors, in the mean: {right:.2} deviations, {misstated:.2} with deviations misstated");
     assert!(right < 1.3 && misstated < 1.12 * right, "{right}, {misstated}");
+}
+
+/// The lower part of a picture is all that was kept: its centre is 184 rows from that of the lens, which one attitude takes on trust.
+#[test]
+fn one_attitude_of_cropped_pictures_has_bars_that_hold() {
+    const KEPT: ImageSize = ImageSize { width: 1024, height: 400 };
+    let views: Vec<FloorView> =
+        (0..5).map(|i| view([48.0, 8.0, 22.0 * f64::from(i)], [0.15 * f64::from(i), 0.1])).collect();
+    let names: Vec<String> = (0..views.len()).map(|i| i.to_string()).collect();
+    let mut alone_is_answered = 0;
+    for n in 0..6 {
+        let mut pairs = matches(&views, STILL, 120 + n);
+        for pair in &mut pairs {
+            pair.matches.retain(|m| m.a.y < 399.0 && m.b.y < 399.0);
+        }
+        for motion in [MotionModel::Auto, MotionModel::PlaneNormal] {
+            match calibrate_matches(&names, KEPT, &pairs, &Options { motion, ..Options::default() }, &Silent) {
+                Ok(c) => {
+                    let off = furthest(&c, 1.0);
+                    println!("{n} {motion:?}: {off:.1} deviations, cy {:?}", c.standard_deviation.cy);
+                    assert!(off < 3.0, "{n} {motion:?}: {off:.1} deviations");
+                    alone_is_answered += 1;
+                }
+                Err(error) => assert!(error.is_degenerate(), "{n} {motion:?}: {error}"),
+            }
+        }
+    }
+    assert!(alone_is_answered >= 8, "{alone_is_answered} of 12 are answered");
 }
