@@ -100,7 +100,7 @@ pub(super) fn solve_general(
         error => error,
     })?;
     let refined = input.refined(joint, solution_of(&best, stages), options);
-    let mut refined = release_contradicted_priors(&input, refined)?;
+    let (mut refined, _) = release_contradicted_priors(&input, refined)?;
     allow_for_open_alternatives(&mut refined);
     widen_general_by_doubts(&mut refined.joint, stages.options)?;
     check_spread(&refined.joint.bundle.state, stages)?;

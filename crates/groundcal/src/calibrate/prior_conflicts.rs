@@ -60,11 +60,14 @@ const ASPECT: usize = 1;
 const SKEW: usize = 4;
 const DECENTRING: usize = 7;
 
-/// Releases the priors that the tracks refined on contradict.
+/// Releases the priors that the tracks refined on contradict. With it whether anything is another than before.
 ///
 /// # Errors
 /// [`Error::Stopped`] and no other: where nothing better is found the refinement stands.
-pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refined: Refined) -> Result<Refined, Error> {
+pub(super) fn release_contradicted_priors(
+    input: &RefinementInput<'_>,
+    mut refined: Refined,
+) -> Result<(Refined, bool), Error> {
     let asked = refined.options.bundle.clone();
     let (mut changed, mut open) = (false, Vec::new());
     for _ in 0..MAX_RELEASED {
@@ -77,14 +80,14 @@ pub(super) fn release_contradicted_priors(input: &RefinementInput<'_>, mut refin
         }
     }
     if !changed {
-        return Ok(Refined { open, ..refined });
+        return Ok((Refined { open, ..refined }, false));
     }
     // What was tried roughly and found better is now done with all care.
     let mut options = refined.options.clone();
     options.bundle = options.bundle.with_thoroughness_of(&asked);
     let starts = vec![refined.joint.bundle.state.clone()];
     let again = input.refined_again(&refined, refined.solution.clone(), options, starts)?;
-    Ok(Refined { open, ..again })
+    Ok((Refined { open, ..again }, true))
 }
 
 /// Odds beforehand against each alternative: that one scene in ten departs from the model in one of eight ways.

@@ -85,14 +85,15 @@ pub(super) fn refine_motions(
     }
     let joint = adjusted(input.scene, input.setup.clone(), input.views.clone(), states, options, observer)?;
     let refined = input.refined(joint, solution.clone(), options.clone());
-    let refined = release_contradicted_priors(&input, refined)?;
-    let mut refined = if input.scene == SceneModel::Directions {
-        refined
-    } else {
-        let linked = with_cross_links(&input, refined)?;
-        // With more that is seen, more may be contradicted.
-        release_contradicted_priors(&input, linked)?
-    };
+    let (mut refined, is_changed) = release_contradicted_priors(&input, refined)?;
+    if input.scene != SceneModel::Directions {
+        let is_linked;
+        (refined, is_linked) = with_cross_links(&input, refined)?;
+        // With more that is seen, more may be contradicted; with the same as before, the same.
+        if is_linked || is_changed {
+            (refined, _) = release_contradicted_priors(&input, refined)?;
+        }
+    }
     allow_for_open_alternatives(&mut refined);
     Ok(Some(refined))
 }
@@ -111,19 +112,20 @@ fn under_other_constraints(input: &RefinementInput<'_>, options: &RefinementOpti
 }
 
 /// Refined again with the ordinary matches of views of different attitudes that see the same floor, and with images outside of any motion
-/// that see it; as it was where there are none, or where they contradict the motions.
-fn with_cross_links(input: &RefinementInput<'_>, mut refined: Refined) -> Result<Refined, Error> {
+/// that see it; as it was where there are none, or where they contradict the motions. With it whether there are more.
+fn with_cross_links(input: &RefinementInput<'_>, mut refined: Refined) -> Result<(Refined, bool), Error> {
     let (cross_links, floors) = cross_attitude_links(&refined.joint, input.pairs, &input.used);
     refined.joint.floors = floors;
     let free = free_views(&refined.joint, input.pairs);
     let mut links: Vec<PairId> = cross_links.iter().copied().chain(free.iter().flat_map(|f| f.links.clone())).collect();
     links.sort_unstable();
     links.dedup();
-    if let Some(mut joint) = linked(input, &refined, &links, &free)? {
-        joint.floors = floors;
-        refined.joint = joint;
-    }
-    Ok(refined)
+    let Some(mut joint) = linked(input, &refined, &links, &free)? else {
+        return Ok((refined, false));
+    };
+    joint.floors = floors;
+    refined.joint = joint;
+    Ok((refined, true))
 }
 
 /// Refined with more links between views, and with free views. `None` where there are none or they contradict the motions.
