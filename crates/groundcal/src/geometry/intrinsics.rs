@@ -60,7 +60,7 @@ impl Intrinsics {
     }
 
     /// Normalised camera coordinates (x/z, y/z) to pixels.
-    pub fn pixel_from_normalised(&self, p: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn pixel_from_normalised(&self, p: &Vector2<f64>) -> Vector2<f64> {
         Vector2::new(self.fx * p.x + self.skew * p.y + self.cx, self.fy * p.y + self.cy)
     }
 

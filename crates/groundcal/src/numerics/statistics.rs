@@ -29,7 +29,7 @@ pub(crate) fn chi_squared_2_mean_below(limit: f64) -> f64 {
 /// Probability that a chi-squared variable of `dof` degrees of freedom exceeds `value`.
 ///
 /// Finite sums for even and odd `dof` (Abramowitz & Stegun 26.4.4, 26.4.5).
-pub(crate) fn chi_squared_survival(value: f64, dof: usize) -> f64 {
+pub fn chi_squared_survival(value: f64, dof: usize) -> f64 {
     if value <= 0.0 || dof == 0 {
         return 1.0;
     }

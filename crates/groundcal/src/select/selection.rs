@@ -179,7 +179,7 @@ mod tests {
             robust: RobustOptions::default(),
             seed: 0,
         };
-        let pairs = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs = scene.pairs();
         observe(pairs, None, &options, &Silent).expect("not stopped")
     }
 

@@ -65,28 +65,27 @@ pub(crate) struct CameraOptions {
 
 /// A camera matrix and how sure it is.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct CameraSolution {
+pub(crate) struct CameraSolution {
     /// In pixels.
-    pub intrinsics: Intrinsics,
+    pub(crate) intrinsics: Intrinsics,
     /// Covariance of (fx, fy, cx, cy, skew) in pixels squared; zero rows for what was held.
-    pub covariance_px: SMatrix<f64, 5, 5>,
+    pub(crate) covariance_px: SMatrix<f64, 5, 5>,
     /// Which of (fx, fy, cx, cy, skew) were estimated.
-    pub estimated: [bool; 5],
+    pub(crate) estimated: [bool; 5],
     /// Priors used, and how much they counted.
-    pub priors: Vec<Prior>,
+    pub(crate) priors: Vec<Prior>,
     /// Attitudes and the motions that show them.
     pub(crate) groups: Vec<AttitudeGroup>,
     /// Sum of squared normalised residuals of the conic equations and priors.
-    pub chi_squared: f64,
+    pub(crate) chi_squared: f64,
     /// Its degrees of freedom.
-    pub degrees_of_freedom: usize,
+    pub(crate) degrees_of_freedom: usize,
     /// The standard deviation of the attitudes that the covariance was made with, in radians.
-    pub attitude_sigma_rad: f64,
+    pub(crate) attitude_sigma_rad: f64,
     /// Whether it was estimated from the motions.
-    pub attitude_sigma_estimated: bool,
+    pub(crate) attitude_sigma_estimated: bool,
     /// Factor on the covariance because the motions disagree by more than their noise (1: none).
-    pub variance_inflation: f64,
+    pub(crate) variance_inflation: f64,
 }
 
 /// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
@@ -440,12 +439,10 @@ fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptio
         1.0
     };
     let jacobian = frame.pixels_by_logarithms(&intrinsics);
-    let free = options.constraint.free();
     CameraSolution {
         intrinsics,
         covariance_px: jacobian * s.covariance * jacobian.transpose() * variance_inflation,
-        // fy moves with fx when the ratio is held.
-        estimated: [free[0], free[0], free[2], free[3], free[4]],
+        estimated: options.constraint.estimated(),
         priors: options.prior_uses(frame, &s.covariance),
         groups,
         chi_squared: s.chi_squared,

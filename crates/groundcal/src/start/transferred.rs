@@ -134,11 +134,9 @@ pub(crate) fn camera_transferred(
         });
     }
     let to_pixels = frame.pixels_by_logarithms(&intrinsics);
-    let f = constraint.free();
     Ok(Transferred {
         camera: LinearCamera { intrinsics, covariance_px: to_pixels * covariance * to_pixels.transpose() },
-        // fy moves with fx when the ratio is held.
-        estimated: [f[0], f[0], f[2], f[3], f[4]],
+        estimated: constraint.estimated(),
         misfits,
     })
 }
@@ -223,7 +221,7 @@ mod tests {
     fn solve(scene: &PointScene, constraint: Constraint) -> Result<LinearCamera, Error> {
         let frame = Frame::new(scene.size, None);
         let fit = |matches: &[_]| refine(matches, None, &frame, &RefineOptions::default()).expect("a homography");
-        let all: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.pair.matches)).collect();
+        let all: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.matches)).collect();
         calibrate_transferred(&all[0], &all[1..], constraint, scene.intrinsics.fy / scene.intrinsics.fx)
     }
 
@@ -263,7 +261,7 @@ mod tests {
         let scene = scene(0.5, 3);
         let frame = Frame::new(scene.size, None);
         let fit = |i: usize| {
-            refine(&scene.pairs()[i].pair.matches, None, &frame, &RefineOptions::default()).expect("a homography")
+            refine(&scene.pairs()[i].matches, None, &frame, &RefineOptions::default()).expect("a homography")
         };
         let motion = fit(0);
         let refused = |others: &[HomographyEstimate], constraint| {
