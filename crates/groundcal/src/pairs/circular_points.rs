@@ -29,8 +29,8 @@ pub(crate) struct CircularPoint {
     pub covariance: Matrix4<f64>,
     /// How it moves with the homography, for the effect of an axis that is not quite normal to the plane.
     pub sensitivity: Option<Sensitivity>,
-    /// How it would move, in tangent coordinates, for each unit of radial distortion k1 undone (the focal length taken as
-    /// the longer image side); `None` where it is not known.
+    /// Derivative of its tangent coordinates by the radial distortion k1 that is undone before the homography is fitted, the focal length
+    /// being taken as the longer image side; `None` where it was not computed.
     pub by_k1: Option<Vector4<f64>>,
 }
 

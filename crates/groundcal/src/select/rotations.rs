@@ -1,8 +1,12 @@
 //! Which pairs of views are rotations of a camera that turns on the spot, about any axes, before a scene of any shape (a
 //! panorama, a pan-tilt head).
 //!
-//! Then every pair's homography is K R K⁻¹, whatever the axis. That is told from a plane by a focal length that makes
-//! K⁻¹ H K a rotation for pairs of all images at once.
+//! ```text
+//! M_i = K⁻¹ H_i K,  det M_i = 1:        f = argmin Σ_i min(‖M_i M_iᵀ - I‖, 0.2)²         a rotation: ‖M Mᵀ - I‖ < 0.1
+//! ```
+//!
+//! Then every pair's homography H_i is K R K⁻¹, whatever the axis. That is told from a plane by a focal length f that makes M a rotation for
+//! pairs of all images at once: 81 are tried, from 0.3 to 6 image widths.
 
 use nalgebra::Matrix3;
 

@@ -1,7 +1,15 @@
 //! From plane-normal motions to the camera matrix with its covariance.
 //!
-//! Motions -> attitude groups -> weighted conic equations -> K (see [`crate::start::absolute_conic`]), repeated until the
-//! weights, which depend on K through the axis error, no longer change.
+//! ```text
+//! χ²(p) = Σ_g r_gᵀ C_g⁻¹ r_g  +  Σ_i (p_i - p̄_i)² / σ_i²            p = (ln fx, ln fy/fx, cx, cy, skew)
+//! cov(fx, fy, cx, cy, skew) = J Σ Jᵀ · max(1, χ² / n)               J = ∂(fx, fy, cx, cy, skew) / ∂p
+//! ln L(σ_a) = -½ (χ² + Σ_g ln |C_g| - ln |Σ|),   σ̂_a² = ∫ σ² L prior dσ / ∫ L prior dσ
+//! ```
+//!
+//! r_g: residual of the circular point of an attitude group on the conic, C_g its covariance, with σ_a about each axis
+//! ([`crate::start::absolute_conic`], which has Σ); p̄_i ± σ_i: priors. Groups and C_g depend on K through σ_a, so all is done three times. The
+//! factor on the covariance, n being the degrees of freedom, is 1 unless χ² is exceeded by chance with less than one in a hundred. σ_a is
+//! estimated where it is not given, from three groups and four degrees of freedom on.
 
 use nalgebra::SMatrix;
 
