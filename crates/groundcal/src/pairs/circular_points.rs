@@ -192,9 +192,9 @@ pub(crate) enum NoCircularPoint {
 
 /// Imaginary part of the eigenvalue over its standard deviation that is asked for. Where eigenvalues collapse the
 /// imaginary part of pure noise is 2 to 3 times its linearised deviation (a square or cube root of the noise).
-const MIN_SIGNIFICANCE: f64 = 8.0;
+pub(crate) const MIN_SIGNIFICANCE: f64 = 8.0;
 /// Largest standard deviation of the point's direction for which first-order propagation means something.
-const MAX_DIRECTION_SIGMA: f64 = 0.3;
+pub(crate) const MAX_DIRECTION_SIGMA: f64 = 0.3;
 
 /// Whether a homography shows a turn about the plane's normal above its noise: whether it has a circular point that is known.
 pub fn shows_turn(estimate: &HomographyEstimate) -> bool {

@@ -165,10 +165,10 @@ impl Search<'_> {
         order + height_log_odds(m.geometry.height_ratio, m.geometry.height_ratio_sigma)
     }
 
-    /// Whether a candidate contradicts a set whose images carry the labels of the parts they are joined to. Images joined by
-    /// motions share one attitude, so every candidate among them, member or not, must have the circular point of the one to
-    /// be added: of three images of which two share an attitude, the two false pairs may well agree with each other, but not
-    /// with the true one.
+    /// Whether a candidate contradicts a set; `labels` says of each image to which connected part of the set it belongs. Images that motions
+    /// connect share one attitude. With the candidate its two parts become one, so every candidate between images of that part, in the set or
+    /// not, must have the same circular point. (Of three images of which two share an attitude, the two wrong pairs may well agree with each
+    /// other, but not with the right one.)
     fn conflicts(&self, index: usize, labels: &[usize]) -> bool {
         let new = &self.motions[index];
         let label = |image: ImageId| labels[image.index()];

@@ -95,10 +95,13 @@ fn selection_of(used: &[PairId], nearest: &Intrinsics, pairs: &[PairObservation]
     Selection::new(MotionKind::Turning { focal_px: nearest.fx }, pairs, |id| {
         if used.contains(&id) {
             PairVerdict::Used { sides: HorizonSides::Both }
-        } else if pairs[id].moving_plane().is_some() {
-            PairVerdict::Rejected(Rejection::NoRotation)
         } else {
-            PairVerdict::NoMotion
+            match rotation_residual(&pairs[id], nearest) {
+                // Of those that nothing joins with the others.
+                Some(misfit) if misfit < MAX_ROTATION_RESIDUAL => PairVerdict::Rejected(Rejection::Unconnected),
+                Some(misfit) => PairVerdict::Rejected(Rejection::NoRotation { misfit, most: MAX_ROTATION_RESIDUAL }),
+                None => PairVerdict::NoMotion,
+            }
         }
     })
 }

@@ -16,7 +16,7 @@ use crate::{
     geometry::{constraint::Constraint, frame::Frame},
     numerics::linalg::{ComplexPoint, symmetric_eigen},
     pairs::{
-        circular_points::{NoCircularPoint, from_homography},
+        circular_points::{MAX_DIRECTION_SIGMA, MIN_SIGNIFICANCE, NoCircularPoint, from_homography},
         refine::HomographyEstimate,
     },
     remedy::Remedy,
@@ -73,11 +73,12 @@ pub fn calibrate_transferred(
         pairs: 1,
         reason: match why {
             NoCircularPoint::NoRotation { rotation_rad, significance } => format!(
-                "no rotation to be seen (eigenvalue angle {:.1} degrees, {significance:.1} sigma; 8 needed)",
+                "no rotation to be seen (eigenvalue angle {:.1} degrees, {significance:.1} sigma; {MIN_SIGNIFICANCE} needed)",
                 rotation_rad.to_degrees()
             ),
             NoCircularPoint::TooUncertain { sigma } => {
-                format!("circular point too uncertain (direction known to {:.0} degrees)", sigma.to_degrees())
+                let [known, needed] = [sigma, MAX_DIRECTION_SIGMA].map(f64::to_degrees);
+                format!("circular point too uncertain (direction known to {known:.0} degrees, {needed:.0} needed)")
             }
         },
         remedies: vec![Remedy::CLEAR_TURN],
