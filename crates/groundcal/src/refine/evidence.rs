@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! -2 ln E = Σ_kinds (N / D) ln s²  +  Σ (d / σ)²  +  V
-//! V       = Σ ln σ²  -  ln |C|  -  2 ln e
+//! V       = Σ ln σ²  -  ln |C|  -  2 ln m
 //!
 //! gain of 1 over 0 = Σ_kinds (N₁ / D₁) ln (s₀² / s₁²)  +  Σ₀ (d / σ)² - Σ₁ (d / σ)²  +  V₀ - V₁
 //! ```
@@ -11,7 +11,7 @@
 //! integrated out); D: their design effect. d: a number that has a prior, less its mean; σ: the prior's standard deviation. These are numbers of
 //! the cameras and the random effects: attitude and height errors, departures. C: covariance of the d with all other numbers free and the points
 //! eliminated. So Σ ln σ² - ln |C| is the volume that the priors allow over the volume that the data leave of it, as twice a logarithm: a wide
-//! prior, or a large σ_a, has to earn its width. What has no prior is profiled, as in restricted likelihood. e: likelihood of the variance
+//! prior, or a large σ_a, has to earn its width. What has no prior is profiled, as in restricted likelihood. m: likelihood of the variance
 //! components σ_a, σ_h and those of departures, averaged over their priors, over that of the values in force.
 //!
 //! A gain counts both variances with the N and D of the model that is asked about: what neighbours have in common under the other model and

@@ -2,7 +2,7 @@
 //! restricted likelihood.
 //!
 //! ```text
-//! ln L(σ) = ½ Σ_j ( σ² r_j² / (1 + σ² l_j) - ln (1 + σ² l_j) )          σ̂² = ∫ σ² L p dσ / ∫ L p dσ          e = ∫ L p dσ / L(σ in force)
+//! ln L(σ) = ½ Σ_j ( σ² r_j² / (1 + σ² l_j) - ln (1 + σ² l_j) )          σ̂² = ∫ σ² L p dσ / ∫ L p dσ          m = ∫ L p dσ / (L(σ in force) ∫ p dσ)
 //! χ²(σ)   = Σ_j r_j² / (l_j (1 + σ² l_j))                                p(σ) ∝ 1 / (1 + σ² / scale²)                        (Gelman 2006)
 //! ```
 //!
