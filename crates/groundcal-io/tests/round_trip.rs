@@ -18,7 +18,7 @@ fn names(count: usize) -> Vec<String> {
 }
 
 fn of_floor(scene: &PointScene, options: Options) -> Calibration {
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, &options, &Silent).expect("a camera")
 }
 

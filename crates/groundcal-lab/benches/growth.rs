@@ -26,7 +26,7 @@ fn main() {
                 MotionSpec::about_axis(pitch_deg.to_radians(), roll_deg.to_radians(), turn_rad, offset, 3.0)
             })
             .collect();
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let names: Vec<String> = (0..2 * motions).map(|i| format!("{i:04}.png")).collect();
         let start = Instant::now();
         let found = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).expect("a camera");

@@ -8,7 +8,8 @@ use groundcal::{
     MotionModel, Observer, Options, Silent, Stage, calibrate_images, calibrate_matches,
     geometry::Frame,
     pairs::{HomographyEstimate, ImagePair, RobustOptions, gold_standard_homography, robust_homography},
-    start::{Constraint, weighted_camera},
+    result::Method,
+    start::{Constraint, closed_form},
     synthetic::{MotionSpec, PointScene},
 };
 use groundcal_lab::renderer::{
@@ -92,7 +93,7 @@ fn run() {
 
     for (matches, outliers) in [(200, 0.0), (200, 0.3), (200, 0.6), (2000, 0.0), (2000, 0.3), (2000, 0.6)] {
         let scene = PointScene { matches, outlier_fraction: outliers, ..PointScene::nominal(1) };
-        let pair = &scene.pairs()[0].pair;
+        let pair = &scene.pairs()[0];
         let frame = Frame::new(scene.size, None);
         let name = format!("robust homography, {matches} matches, {:.0} % outliers", 100.0 * outliers);
         time(&name, 51, || robust_homography(&pair.matches, &frame, &RobustOptions::default(), 0));
@@ -103,14 +104,11 @@ fn run() {
         .map(|(p, r): (f64, f64)| MotionSpec::about_axis(p.to_radians(), r.to_radians(), 0.3, 0.2, 3.0))
         .to_vec();
     let frame = Frame::new(scene.size, None);
-    let estimates: Vec<HomographyEstimate> = scene
-        .pairs()
-        .iter()
-        .map(|p| gold_standard_homography(&p.pair.matches, &frame).expect("a homography"))
-        .collect();
+    let estimates: Vec<HomographyEstimate> =
+        scene.pairs().iter().map(|p| gold_standard_homography(&p.matches, &frame).expect("a homography")).collect();
     // `auto` is for the whole way.
     for constraint in Constraint::ALL.into_iter().filter(|c| *c != Constraint::Auto) {
-        let to_camera = || weighted_camera(&estimates, constraint, 1.0);
+        let to_camera = || closed_form(Method::Linear, &estimates, constraint, 1.0);
         time(&format!("six homographies to K, {constraint}"), 501, to_camera);
     }
 }
@@ -129,7 +127,7 @@ fn refinement() {
             sigma_px: 0.05,
             ..PointScene::nominal(1)
         };
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let names: Vec<String> = (0..2 * motions).map(|i| i.to_string()).collect();
         let told = Some(pairs.iter().map(|p| (p.from, p.to)).collect());
         let options = Options { pairs: told, motion: MotionModel::PlaneNormal, ..Options::default() };

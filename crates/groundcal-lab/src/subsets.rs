@@ -10,9 +10,9 @@
 use rayon::prelude::*;
 
 use groundcal::{
-    Error,
+    Error, Method,
     pairs::HomographyEstimate,
-    start::{Constraint, LinearCamera, weighted_camera},
+    start::{Constraint, LinearCamera, closed_form},
 };
 
 /// One subset and its camera.
@@ -77,7 +77,7 @@ pub fn rank_subsets(motions: &[HomographyEstimate], constraint: Constraint, size
         .into_par_iter()
         .map(|indices| {
             let chosen: Vec<HomographyEstimate> = indices.iter().map(|&i| motions[i].clone()).collect();
-            Subset { camera: weighted_camera(&chosen, constraint, 1.0), motions: indices }
+            Subset { camera: closed_form(Method::Linear, &chosen, constraint, 1.0), motions: indices }
         })
         .collect();
     // A stable sort: equals stay in lexicographic order.
@@ -111,7 +111,7 @@ mod tests {
             let scene = scene(&condition, 3, number);
             let frame = Frame::new(scene.size, None);
             let fit = |matches: &[_]| gold_standard_homography(matches, &frame).expect("a homography");
-            let motions: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.pair.matches)).collect();
+            let motions: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.matches)).collect();
             let ranked = rank_subsets(&motions, Constraint::ZeroSkew, 3).expect("few enough");
             assert_eq!(ranked.len(), 120);
             assert!(ranked.windows(2).all(|w| w[0].predicted_sigma() <= w[1].predicted_sigma()));

@@ -86,11 +86,10 @@ fn few_features_lead_to_patches_and_all_are_used_where_there_are_none() {
     let images = [0, 1].map(|i| render_view(&scene, i).expect("a picture").to_gray());
     let names = ["a.png", "b.png"].map(String::from);
     let calibrate = |feature_density: FeatureDensity, max_sigma_px: f64| {
-        let mut options = Options { feature_density, ..Options::default() };
-        options.patches.max_sigma_px = max_sigma_px;
+        let options = Options { feature_density, max_patch_sigma_px: max_sigma_px, ..Options::default() };
         calibrate_images(&names, &images, &options, &Silent).expect("a calibration")
     };
-    let usual = Options::default().patches.max_sigma_px;
+    let usual = Options::default().max_patch_sigma_px;
     let [few, all] = [FeatureDensity::Auto, FeatureDensity::Dense].map(|density| calibrate(density, usual));
     assert!(few.motions[0].candidate_matches < all.motions[0].candidate_matches);
     assert!(few.evidence.pairs[0].matches.iter().any(|m| m.patch));

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use groundcal::{
     floor::{
-        DEFAULT_EXTENT_HEIGHTS, Fit, FloorGrid, FloorLayout, FloorView, MAX_PIXELS, Mosaic, Placed, ResolutionError,
-        Undistortion, Up, placed, rectify, sets_of_one_world,
+        DEFAULT_EXTENT_HEIGHTS, Fit, FloorGrid, FloorLayout, FloorView, Mosaic, Placed, ResolutionError, Undistortion,
+        Up, placed, rectify, sets_of_one_world,
     },
     geometry::ImageSize,
     result::{Calibration, Camera},
@@ -370,12 +370,12 @@ fn resolution(
              nothing to rectify",
             layout.max_distance
         )),
-        ResolutionError::TooLarge { pixels, fits_px_per_unit } => Failure::option(format!(
+        ResolutionError::TooLarge { pixels, most_pixels, fits_px_per_unit } => Failure::option(format!(
             "resolution={}: a picture would have {:.0} megapixels, {} at most. Take {fits_px_per_unit} or less, or a smaller extent= \
              than {}",
             asked.unwrap_or(f64::NAN),
             pixels as f64 / 1e6,
-            MAX_PIXELS / 1_000_000,
+            most_pixels / 1_000_000,
             layout.max_distance
         )),
     })?;
@@ -383,7 +383,7 @@ fn resolution(
         notes.push(format!(
             "resolution lowered from {wanted} to {} px a unit, for pictures of at most {} megapixels",
             chosen.px_per_unit,
-            MAX_PIXELS / 1_000_000
+            chosen.most_pixels / 1_000_000
         ));
     }
     Ok(chosen.px_per_unit)

@@ -101,13 +101,10 @@ pub(crate) fn constraints() -> [(&'static str, Constraint); Constraint::ALL.len(
 }
 
 /// The names of what is estimated of a lens.
-pub(crate) const LENS_MODELS: [(&str, LensModel); 5] = [
-    ("none", LensModel::None),
-    ("k1", LensModel::K1),
-    ("k1k2", LensModel::K1K2),
-    ("radtan", LensModel::Radtan),
-    ("fisheye", LensModel::Fisheye),
-];
+pub(crate) fn lens_models() -> [(&'static str, LensModel); LensModel::ALL.len()] {
+    LensModel::ALL.map(|lens| (lens.name(), lens))
+}
+
 const FEATURES: [(&str, FeatureDensity); 2] = [("auto", FeatureDensity::Auto), ("dense", FeatureDensity::Dense)];
 const MOTIONS: [(&str, MotionModel); 4] = [
     ("auto", MotionModel::Auto),
@@ -230,7 +227,7 @@ impl Asked {
             method: named(given, "method", &METHODS)?.unwrap_or_default(),
             homographies: named(given, "homographies", &HOMOGRAPHIES)?.unwrap_or_default(),
             radial: named(given, "radial", &RADIAL)?.unwrap_or_default(),
-            lens: named(given, "lens", &LENS_MODELS)?.unwrap_or_default(),
+            lens: named(given, "lens", &lens_models())?.unwrap_or_default(),
             principal_point_px: taken::<(f64, f64)>(given, "principal_point_px")?.map(|(x, y)| [x, y]),
             aspect: taken(given, "aspect")?,
             priors: priors(given)?,

@@ -3,7 +3,7 @@
 use std::{ffi::OsString, path::PathBuf};
 
 use groundcal::{
-    plan::{Carrier, MAX_MOTIONS, PlanRequest, RequestError},
+    plan::{Carrier, PlanRequest, RequestError},
     result::Covariance,
 };
 use groundcal_io::{import::read_camera, text::name_text};
@@ -20,7 +20,7 @@ use crate::{
     handle::Handle,
     keywords::Keywords,
     nearest::no_such,
-    options::{LENS_MODELS, constraints, image_size, named, priors, taken},
+    options::{constraints, image_size, lens_models, named, priors, taken},
     work,
 };
 
@@ -53,7 +53,7 @@ fn of_handle(name: String, handle: &Handle) -> compare::Camera {
         name,
         format: "groundcal",
         size: Some(camera.model().size),
-        intrinsics: camera.intrinsics(),
+        intrinsics: camera.model().intrinsics,
         lens: camera.model().lens,
         covariance: known(&c.covariance),
     }
@@ -94,9 +94,6 @@ const CARRIERS: [(&str, Carrier); 4] =
 
 fn plan_request(given: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
     let motions = taken::<usize>(given, "motions")?;
-    if motions.is_some_and(|n| !(1..=MAX_MOTIONS).contains(&n)) {
-        return Err(Failure::option(format!("motions= must lie between 1 and {MAX_MOTIONS}")).raise(given.py()));
-    }
     Ok(PlanRequest {
         carrier: named(given, "rig", &CARRIERS)?.unwrap_or_default(),
         image_size: image_size(given)?,
@@ -114,7 +111,7 @@ fn plan_request(given: &Bound<'_, PyDict>) -> PyResult<PlanRequest> {
         motions,
         constraint: named(given, "constraint", &constraints())?.unwrap_or_default(),
         priors: priors(given)?,
-        lens: named(given, "lens", &LENS_MODELS)?.unwrap_or_default(),
+        lens: named(given, "lens", &lens_models())?.unwrap_or_default(),
         attitude_sigma_deg: taken(given, "attitude_sigma_deg")?,
         height_sigma: taken(given, "height_sigma")?,
     })

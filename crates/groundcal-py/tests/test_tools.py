@@ -39,7 +39,7 @@ def test_pictures_are_planned(tripod: groundcal.Calibration) -> None:
     for keywords, word in [
         ({"height_m": 0.0}, "height_m=0: give a number above 0"),
         ({"max_turn_deg": 400.0}, "0 to 180 degrees"),
-        ({"motions": 0}, "between 1 and 50"),
+        ({"motions": 0}, "from 1 to 50"),
         ({"rig": "tripot"}, 'Did you mean "tripod"'),
         ({"f": 700.0, "hfov_deg": 60.0}, "give one of them"),
         ({"after": tripod, "f": 700.0}, "comes from the calibration"),

@@ -2,7 +2,8 @@
 
 use groundcal::{
     Error,
-    geometry::{CameraDifference, ImageSize, Intrinsics, Lens, Radtan, camera_difference, significance},
+    geometry::{CameraDifference, ImageSize, Intrinsics, Lens, Radtan, camera_difference},
+    numerics::chi_squared_survival,
     result::{Covariance, Parameter},
 };
 use nalgebra::{DMatrix, DVector};
@@ -177,12 +178,31 @@ fn joint(a: &OfSize, b: &OfSize) -> Option<Joint> {
     let names: Vec<&'static str> = numbers.iter().map(|n| n.0).collect();
     let covariance = covariance_of_difference(a, b, &names);
     let difference = DVector::from_iterator(numbers.len(), numbers.iter().map(|(_, a, b)| b - a));
-    let s = significance(&difference, &covariance)?;
-    Some(Joint {
-        parameters: (0..names.len()).filter(|i| covariance[(*i, *i)] > 0.0).map(|i| names[i]).collect(),
-        chi_squared: s.chi_squared,
-        degrees_of_freedom: s.degrees_of_freedom,
-        p_value: s.p_value,
+    jointly(&names, &difference, &covariance)
+}
+
+/// Whether numbers differ by more than their errors: the squared Mahalanobis distance dᵀ C⁻¹ d, chi-squared distributed, C the sum of the
+/// covariances of two independent sides. Numbers without variance (held on both sides) have no part. `None` where none has an error, or
+/// the covariance is singular.
+fn jointly(names: &[&'static str], difference: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Joint> {
+    let free: Vec<usize> = (0..difference.len()).filter(|&i| covariance[(i, i)] > 0.0).collect();
+    if free.is_empty() {
+        return None;
+    }
+    // Pixels and lens coefficients differ in size by many orders: correlations are inverted.
+    let sigma = |i: usize| covariance[(i, i)].sqrt();
+    let scaled = DVector::from_iterator(free.len(), free.iter().map(|&i| difference[i] / sigma(i)));
+    let correlation = DMatrix::from_fn(free.len(), free.len(), |r, c| {
+        let (i, j) = (free[r], free[c]);
+        covariance[(i, j)] / (sigma(i) * sigma(j))
+    });
+    let chi_squared = scaled.dot(&correlation.cholesky()?.solve(&scaled));
+    let degrees_of_freedom = free.len();
+    chi_squared.is_finite().then(|| Joint {
+        parameters: free.iter().map(|i| names[*i]).collect(),
+        chi_squared,
+        degrees_of_freedom,
+        p_value: chi_squared_survival(chi_squared, degrees_of_freedom),
     })
 }
 
@@ -235,5 +255,16 @@ mod tests {
         let j = joint(&a, &b).unwrap();
         assert_eq!((j.parameters, j.degrees_of_freedom), (vec!["fx", "fy"], 2));
         assert!((j.chi_squared - 9.0 / 8.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_mahalanobis_distance_leaves_out_what_is_held() {
+        let covariance = DMatrix::from_row_slice(3, 3, &[4.0, 0.0, 3.0, 0.0, 0.0, 0.0, 3.0, 0.0, 9.0]);
+        let s = jointly(&["fx", "fy", "cx"], &DVector::from_vec(vec![2.0, 7.0, 3.0]), &covariance).unwrap();
+        // (1, 1) under a correlation of one half: 2 (1 - ½) / (1 - ¼).
+        assert!((s.chi_squared - 4.0 / 3.0).abs() < 1e-12);
+        assert_eq!((s.degrees_of_freedom, s.parameters), (2, vec!["fx", "cx"]));
+        assert!((s.p_value - (-2.0f64 / 3.0).exp()).abs() < 1e-9);
+        assert!(jointly(&["fx"], &DVector::from_vec(vec![1.0]), &DMatrix::zeros(1, 1)).is_none());
     }
 }

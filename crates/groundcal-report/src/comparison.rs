@@ -216,7 +216,7 @@ pub fn figure(reference: &str, camera: &str, size: ImageSize, d: &CameraDifferen
         label: "difference after the best rotation, px".into(),
         size: [size.width as f64, size.height as f64],
         grid: d.grid,
-        vectors: d.points.iter().map(|p| p.difference_px.map(Into::into)).collect(),
+        vectors: d.differences_px.iter().map(|d| d.map(Into::into)).collect(),
         notes: vec![
             format!(
                 "Root mean square {} px, largest {} px at ({x}, {y}); rotation {} degrees.",

@@ -19,7 +19,7 @@ fn names(prefix: &str, count: usize) -> Vec<String> {
 }
 
 fn of_points(prefix: &str, scene: &PointScene, options: Options) -> Calibration {
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let names = names(prefix, 2 * pairs.len());
     calibrate_matches(&names, scene.size, &pairs, &options, &Silent).unwrap()
 }

@@ -6,7 +6,7 @@ use groundcal::{Options, Silent, calibrate_matches, pairs::ImagePair, synthetic:
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let scene = PointScene { outlier_fraction: 0.3, matches: 300, ..PointScene::nominal(0) };
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| format!("view {i}")).collect();
     let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
     let (camera, sd) = (&calibration.camera, &calibration.standard_deviation);

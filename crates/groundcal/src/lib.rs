@@ -6,7 +6,7 @@
 //!
 //! // Point matches of three motions; from your own matcher in earnest.
 //! let scene = PointScene::nominal(0);
-//! let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+//! let pairs: Vec<ImagePair> = scene.pairs();
 //! let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
 //!
 //! let options = Options { constraint: Constraint::ZeroSkew, ..Options::default() };
@@ -58,6 +58,7 @@ pub(crate) mod error;
 pub mod floor;
 pub mod geometry;
 pub(crate) mod ids;
+pub(crate) mod named;
 #[doc(hidden)]
 pub mod numerics;
 pub(crate) mod observer;
@@ -90,7 +91,7 @@ pub use crate::{
     pairs::{HomographyEstimate, ImagePair, PointMatch},
     remedy::{Plain, Remedy, Wording, either},
     result::{Calibration, Covariance, Method, Parameter, PriorParameter, Verdict, VerdictLevel, Warning},
-    start::GivenPrior,
+    start::{GivenPrior, LinearCamera},
     vision::{GrayImage, Mask},
 };
 

@@ -7,13 +7,8 @@ use groundcal::{Error, Options, Plain, Silent, calibrate_matches, plan::PlanRequ
 
 fn main() -> Result<(), Error> {
     let scene = PointScene::nominal(0);
-    let mut names = Vec::new();
-    let mut pairs = Vec::new();
-    for motion in scene.pairs() {
-        pairs.push(motion.pair);
-        names.push(format!("view {}", names.len()));
-        names.push(format!("view {}", names.len()));
-    }
+    let pairs = scene.pairs();
+    let names: Vec<String> = (0..2 * pairs.len()).map(|i| format!("view {i}")).collect();
     let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
     let plan = PlanRequest { motions: Some(1), ..PlanRequest::default() };
     let planned = plan.report(Some(&calibration), &Plain);

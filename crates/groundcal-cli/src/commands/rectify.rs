@@ -5,8 +5,8 @@ use std::{fmt::Write, path::PathBuf};
 use clap::{Args, ValueEnum};
 use groundcal::{
     floor::{
-        DEFAULT_EXTENT_HEIGHTS, FloorGrid, FloorLayout, FloorView, MAX_PIXELS, Mosaic, Placed, ResolutionError, placed,
-        rectify, sets_of_one_world,
+        DEFAULT_EXTENT_HEIGHTS, FloorGrid, FloorLayout, FloorView, Mosaic, Placed, ResolutionError, placed, rectify,
+        sets_of_one_world,
     },
     result::{Calibration, Method},
     vision::{Pyramid, Raster, Resampled},
@@ -297,12 +297,12 @@ impl Work<'_> {
                  there is nothing to rectify",
                 self.length(self.layout.max_distance)
             )),
-            ResolutionError::TooLarge { pixels, fits_px_per_unit } => CliError::Usage(format!(
+            ResolutionError::TooLarge { pixels, most_pixels, fits_px_per_unit } => CliError::Usage(format!(
                 "--resolution {}: a picture would have {:.0} megapixels, {} at most. Take {fits_px_per_unit} px per {} or less, or a \
                  smaller --extent than {}",
                 asked.unwrap_or(f64::NAN),
                 pixels as f64 / 1e6,
-                MAX_PIXELS / 1_000_000,
+                most_pixels / 1_000_000,
                 self.unit(),
                 self.length(self.layout.max_distance)
             )),
@@ -312,7 +312,7 @@ impl Work<'_> {
                 "resolution lowered from {wanted} to {} px per {}, for pictures of at most {} megapixels",
                 chosen.px_per_unit,
                 self.unit(),
-                MAX_PIXELS / 1_000_000
+                chosen.most_pixels / 1_000_000
             ));
         }
         Ok(chosen.px_per_unit)

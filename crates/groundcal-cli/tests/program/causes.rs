@@ -23,7 +23,7 @@ fn points_on_a_line_are_called_so() {
         scene.sigma_px = sigma_px;
         let mut csv = "image_a,image_b,xa,ya,xb,yb\n".to_string();
         // Noise from the scene, places from a line.
-        for m in &scene.pairs()[0].pair.matches {
+        for m in &scene.pairs()[0].matches {
             let exact = h.apply(&m.a).unwrap();
             let noise = m.b - exact;
             let on_line = nalgebra::Vector2::new(m.a.x, 300.0 + 0.2 * m.a.x);

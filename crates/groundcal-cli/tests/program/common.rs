@@ -163,7 +163,7 @@ pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> Str
 pub(crate) fn matches_csv(scene: &PointScene) -> String {
     let mut csv = "image_a,image_b,xa,ya,xb,yb,sigma_px\n".to_string();
     for (i, motion) in scene.pairs().iter().enumerate() {
-        for m in &motion.pair.matches {
+        for m in &motion.matches {
             let _ = writeln!(csv, "m{i}a,m{i}b,{},{},{},{},{}", m.a.x, m.a.y, m.b.x, m.b.y, scene.sigma_px);
         }
     }
@@ -175,7 +175,7 @@ pub(crate) fn tracks_csv(scene: &PointScene) -> String {
     let mut csv = "image,track,x,y,sigma_px\n".to_string();
     for (i, motion) in scene.pairs().iter().enumerate() {
         for (side, second) in [("a", false), ("b", true)] {
-            for (k, m) in motion.pair.matches.iter().enumerate() {
+            for (k, m) in motion.matches.iter().enumerate() {
                 let p = if second { m.b } else { m.a };
                 let _ = writeln!(csv, "m{i}{side},motion{i}_point{k},{},{},{}", p.x, p.y, scene.sigma_px);
             }

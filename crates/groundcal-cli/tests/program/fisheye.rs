@@ -172,7 +172,7 @@ fn matches_csv() -> String {
     };
     let mut csv = String::from("image_a,image_b,xa,ya,xb,yb\n");
     for (i, motion) in scene.pairs().iter().enumerate() {
-        for m in &motion.pair.matches {
+        for m in &motion.matches {
             csv += &format!("{i}a,{i}b,{},{},{},{}\n", m.a.x, m.a.y, m.b.x, m.b.y);
         }
     }

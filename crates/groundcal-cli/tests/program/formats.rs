@@ -33,7 +33,7 @@ fn lens() -> &'static (TempDir, String) {
         scene.motions.push(MotionSpec { turn_rad: -second.turn_rad, ..second });
         let mut csv = String::from("image_a,image_b,xa,ya,xb,yb\n");
         for (i, motion) in scene.pairs().iter().enumerate() {
-            for m in &motion.pair.matches {
+            for m in &motion.matches {
                 // The fourth motion starts from the same image as the first.
                 let from = if i == 3 { "m0a".to_string() } else { format!("m{i}a") };
                 csv += &format!("{from},m{i}b,{},{},{},{}\n", m.a.x, m.a.y, m.b.x, m.b.y);
@@ -70,7 +70,7 @@ fn expected(calibration: &Value) -> Vec<Value> {
             // Off the floor a little: the height must come through too.
             point.z = 0.05;
             let seen = r * (point - centre);
-            let seen = k.pixel_from_normalised(&lens.project(&seen).unwrap());
+            let seen = (k.matrix() * lens.project(&seen).unwrap().push(1.0)).xy();
             points.push(json!({"image": view["image"], "point": point.as_slice(), "pixel": seen.as_slice()}));
         }
     }

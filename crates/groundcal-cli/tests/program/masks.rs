@@ -209,7 +209,7 @@ fn the_library_sets_it_aside_whatever_enters() {
     let lost = |c: &Calibration| c.warnings.iter().any(|w| matches!(w, Warning::StaticBackground { .. }));
     for c in [&of_images, &of_matches] {
         assert!(!lost(c), "{:?}", c.warnings);
-        let (f, sigma) = (c.camera.intrinsics().fx, c.standard_deviation.fx.unwrap());
+        let (f, sigma) = (c.camera.model().intrinsics.fx, c.standard_deviation.fx.unwrap());
         println!("fx {f:.2} +- {sigma:.2}, truth {F}");
         assert!((f - F).abs() < 4.0 * sigma && sigma < 0.03 * F, "{f} +- {sigma}");
     }

@@ -13,6 +13,7 @@ use crate::{
     readers::python,
 };
 use groundcal::{
+    LensModel,
     geometry::{Constraint, Division, Fisheye, Lens, Radtan},
     result::{DistortionReport, LensSource},
     synthetic::PointScene,
@@ -253,11 +254,42 @@ fn constraints_have_one_name_everywhere() {
     let row = formats.lines().find(|line| line.starts_with("| `constraint` |")).expect("a row");
     let of_row: BTreeSet<String> = row.split('`').skip(3).step_by(2).map(str::to_string).collect();
     assert_eq!(of_row, names, "docs/formats.md");
+    assert_eq!(of_python("Constraint"), names, "Python");
     for command in ["calibrate", "plan"] {
-        let help = groundcal(&[command, "--help"]).stdout;
-        let values = help.split("--constraint <").nth(1).expect("the option");
-        for name in &names {
-            assert!(values.contains(&format!("- {name}:")), "{command} --help has no {name}");
-        }
+        let of_help = of_help(command, "constraint");
+        assert_eq!(of_help, names, "{command} --help");
     }
+}
+
+/// The same of what is estimated of a lens; the command line has `auto` beside it.
+#[test]
+fn lens_models_have_one_name_everywhere() {
+    let names: BTreeSet<String> = LensModel::ALL.iter().map(ToString::to_string).collect();
+    assert_eq!(of_python("Lens"), names, "Python");
+    let python = std::fs::read_to_string(root().join("docs/python.md")).unwrap();
+    let row = python.lines().find(|line| line.starts_with("| `--lens")).expect("a row");
+    for name in &names {
+        assert!(row.contains(&format!("\"{name}\"")), "docs/python.md has no {name}");
+    }
+    for (command, option) in [("calibrate", "lens"), ("plan", "distortion")] {
+        let mut of_help = of_help(command, option);
+        assert!(of_help.remove("auto"));
+        assert_eq!(of_help, names, "{command} --help");
+    }
+}
+
+/// The values of an option, as its help lists them.
+fn of_help(command: &str, option: &str) -> BTreeSet<String> {
+    let help = groundcal(&[command, "--help"]).stdout;
+    let values = help.split(&format!("--{option} <")).nth(1).expect("the option");
+    let values = values.split("\n      --").next().unwrap_or_default();
+    let listed = values.lines().filter_map(|line| line.trim().strip_prefix("- ")?.split_once(':'));
+    listed.map(|(name, _)| name.to_string()).collect()
+}
+
+/// The values of one of the package's literals.
+fn of_python(literal: &str) -> BTreeSet<String> {
+    let source = std::fs::read_to_string(root().join("crates/groundcal-py/python/groundcal/_keywords.py")).unwrap();
+    let line = source.lines().find(|line| line.starts_with(&format!("{literal} = Literal["))).expect("the literal");
+    line.split('"').skip(1).step_by(2).map(str::to_string).collect()
 }

@@ -8,9 +8,9 @@
 use groundcal::{
     Error, Options, Remedy, Silent, calibrate_matched_images,
     geometry::{Frame, Intrinsics},
-    pairs::{HomographyEstimate, ImagePair, PlacedLens, PointMatch, robust_homography, shows_turn},
-    result::{Calibration, Parameter},
-    start::{Constraint, rotating_camera, unweighted_camera_with_covariance},
+    pairs::{HomographyEstimate, ImagePair, PointMatch, ideal_match, robust_homography, shows_turn},
+    result::{Calibration, Method, Parameter},
+    start::{Constraint, closed_form},
     vision::GrayImage,
 };
 use rayon::prelude::*;
@@ -60,7 +60,7 @@ impl Scores {
     }
 
     pub(crate) fn of_calibration(truth: &Intrinsics, c: &Calibration, constraint: Constraint) -> Self {
-        Self::new(truth, &c.camera.intrinsics(), constraint, |i, j| {
+        Self::new(truth, &c.camera.model().intrinsics, constraint, |i, j| {
             c.covariance.get(Parameter::ALL[i], Parameter::ALL[j])
         })
     }
@@ -105,18 +105,18 @@ pub(crate) fn measure(pairs: &[ImagePair], frame: Frame, options: &Options) -> R
 /// The paper's linear method.
 ///
 /// # Errors
-/// See [`unweighted_camera_with_covariance`].
+/// See [`closed_form`].
 pub(crate) fn linear(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
-    let s = unweighted_camera_with_covariance(&measured.motions, constraint, 1.0)?;
+    let s = closed_form(Method::Kzr, &measured.motions, constraint, 1.0)?;
     Ok(Scores::new(truth, &s.intrinsics, constraint, |i, j| s.covariance_px[(i, j)]))
 }
 
 /// The rotating-camera method as Hartley has it, every equation with weight one.
 ///
 /// # Errors
-/// Those of [`rotating_camera`].
+/// See [`closed_form`].
 pub(crate) fn rotating(measured: &Measured, truth: &Intrinsics, constraint: Constraint) -> Result<Scores, Error> {
-    let s = rotating_camera(&measured.homographies, constraint, 1.0)?;
+    let s = closed_form(Method::Rotating, &measured.homographies, constraint, 1.0)?;
     Ok(Scores::new(truth, &s.intrinsics, constraint, |i, j| s.covariance_px[(i, j)]))
 }
 
@@ -137,8 +137,8 @@ pub(crate) fn groundcal(
 
 /// Matches as a camera without distortion would have seen them.
 pub(crate) fn undistorted(pairs: &[ImagePair], c: &Calibration) -> Vec<ImagePair> {
-    let lens = PlacedLens { lens: c.camera.model().lens, intrinsics: c.camera.intrinsics() };
-    let undone = |m: &PointMatch| lens.ideal_match(m);
+    let camera = c.camera.model();
+    let undone = |m: &PointMatch| ideal_match(&camera, m);
     pairs.iter().map(|p| ImagePair { matches: p.matches.iter().filter_map(undone).collect(), ..*p }).collect()
 }
 
@@ -158,7 +158,7 @@ mod tests {
                 let [cx, cy] = scene.size.centre_px();
                 scene.intrinsics = Intrinsics::square(1000.0, cx, cy);
                 scene.sigma_px = 0.5;
-                let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+                let pairs: Vec<ImagePair> = scene.pairs();
                 let frame = Frame::new(scene.size, None);
                 let measured = measure(&pairs, frame, &Options { seed, ..Options::default() }).unwrap();
                 let s = linear(&measured, &scene.intrinsics, constraint).unwrap();

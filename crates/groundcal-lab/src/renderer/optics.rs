@@ -32,10 +32,7 @@ impl Optics {
     /// Of a camera.
     pub(super) fn new(camera: &Camera) -> Self {
         let intrinsics = camera.intrinsics;
-        match camera.lens {
-            lens @ (Lens::None | Lens::Radtan(_)) => Self::Flat { intrinsics, lens },
-            _ => Self::Wide(*camera),
-        }
+        if camera.lens.is_flat() { Self::Flat { intrinsics, lens: camera.lens } } else { Self::Wide(*camera) }
     }
 
     /// Whether rays (x, y, 1) are linear in the pixel.
@@ -58,7 +55,7 @@ impl Optics {
             }
             Self::Wide(camera) => {
                 let ray = camera.unproject(&pixel)?;
-                let by_ray = camera.project_with_jacobians(&ray)?.by_point;
+                let by_ray = camera.derivative_by_point(&ray)?;
                 // Of the directions' changes that move the pixel so, those across the ray.
                 let across = by_ray.transpose() * (by_ray * by_ray.transpose()).try_inverse()?;
                 let per_pixel = [0, 1].map(|j| across.column(j).into_owned());
@@ -98,5 +95,5 @@ impl Optics {
 fn slope(lens: &Lens, ideal: &Vector2<f64>) -> Option<Matrix2<f64>> {
     let camera = Camera { size: ImageSize::new(1, 1), intrinsics: Intrinsics::square(1.0, 0.0, 0.0), lens: *lens };
     // At depth 1 the first two columns are by the ideal point.
-    Some(camera.project_with_jacobians(&ideal.push(1.0))?.by_point.fixed_columns::<2>(0).into_owned())
+    Some(camera.derivative_by_point(&ideal.push(1.0))?.fixed_columns::<2>(0).into_owned())
 }

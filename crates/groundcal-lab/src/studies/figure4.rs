@@ -6,18 +6,18 @@
 //! does not depend on the condition: trials of neighbouring conditions share their draws, so that curves are smooth and
 //! differences between methods are those of the methods.
 
-use nalgebra::{Matrix3, Rotation3, SMatrix, Unit, Vector2, Vector3};
+use nalgebra::{Matrix3, Rotation3, Unit, Vector2, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 
 use crate::studies::setting::{Asked, Attitudes, FOCAL_OVER_WIDTH, Setting};
 use groundcal::{
     Error, LensModel, Options, Silent, calibrate_matches,
-    geometry::{Frame, Intrinsics, Lens, View, angles_from_rotation, rotation_cam_from_world},
+    geometry::{Frame, Intrinsics, Lens, angles_from_rotation, rotation_cam_from_world},
     numerics::NORMAL_95,
     pairs::{ImagePair, PointMatch, direct_linear_transformation, gold_standard_homography},
-    start::{Constraint, rotating_camera, unweighted_camera},
-    synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound},
+    start::{Constraint, closed_form, unweighted_camera},
+    synthetic::{HeightModel, MotionSpec, PointScene},
 };
 
 /// One of the five studies.
@@ -291,9 +291,9 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
         error_px: [k.fx - truth.fx, k.fy - truth.fy, k.cx - truth.cx, k.cy - truth.cy],
         sigma_px,
     };
-    let linear: Option<Vec<Matrix3<f64>>> = pairs.iter().map(|p| linear_homography(&p.pair.matches, &frame)).collect();
+    let linear: Option<Vec<Matrix3<f64>>> = pairs.iter().map(|p| linear_homography(&p.matches, &frame)).collect();
     let homographies: Option<Vec<_>> =
-        pairs.iter().map(|p| gold_standard_homography(&p.pair.matches, &frame).ok()).collect();
+        pairs.iter().map(|p| gold_standard_homography(&p.matches, &frame).ok()).collect();
     let gold: Option<Vec<Matrix3<f64>>> = homographies.as_ref().map(|all| all.iter().map(|h| h.in_frame).collect());
     let planar = |homographies: &Option<Vec<Matrix3<f64>>>, constraint: Constraint| {
         let k = unweighted_camera(homographies.as_ref()?, &frame, constraint, 1.0).ok()?;
@@ -306,42 +306,45 @@ pub fn trial(condition: &Condition, seed: u64, trial: u64) -> Trial {
             Method::Rotating(constraint) => {
                 // `Square` knows the true shape of the pixels.
                 let aspect = truth.fy / truth.fx;
-                homographies.as_ref().and_then(|all| rotating_camera(all, constraint, aspect).ok()).map(|s| {
-                    let c = &s.covariance_px;
-                    as_estimate(s.intrinsics, Some(std::array::from_fn(|i| c[(i, i)].sqrt())))
-                })
+                homographies
+                    .as_ref()
+                    .and_then(|all| closed_form(groundcal::Method::Rotating, all, constraint, aspect).ok())
+                    .map(|s| {
+                        let c = &s.covariance_px;
+                        as_estimate(s.intrinsics, Some(std::array::from_fn(|i| c[(i, i)].sqrt())))
+                    })
             }
             Method::Groundcal => groundcal(&pairs, condition, seed).ok().map(|(k, sigma)| as_estimate(k, Some(sigma))),
         };
         found.filter(|e| e.error_px.iter().all(|v| v.is_finite()))
     });
-    let motions: Vec<([View; 2], &[Vector2<f64>])> =
-        scene.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
-    let bound_px = [HeightModel::Constant, HeightModel::Free].map(|height| {
-        let bound: SMatrix<f64, 5, 5> =
-            cramer_rao_bound(&truth, &motions, condition.noise_px, Constraint::ZeroSkew, height)?;
-        Some(bound[(0, 0)].sqrt())
-    });
-    let fewest_matches = pairs.iter().map(|p| p.pair.matches.len()).min().unwrap_or(0);
+    let bound_px = [HeightModel::Constant, HeightModel::Free]
+        .map(|height| Some(scene.bound(Constraint::ZeroSkew, height)?[(0, 0)].sqrt()));
+    let fewest_matches = pairs.iter().map(|p| p.matches.len()).min().unwrap_or(0);
     Trial { true_fx_px: truth.fx, estimates, bound_px, fewest_matches }
+}
+
+/// The camera matrix whose normalised coordinates are those of a frame.
+pub(super) fn in_units(frame: &Frame) -> Intrinsics {
+    Intrinsics::square(frame.scale_px, frame.origin_px.x, frame.origin_px.y)
 }
 
 /// The normalised linear homography in the frame, nothing refined.
 pub(super) fn linear_homography(matches: &[PointMatch], frame: &Frame) -> Option<Matrix3<f64>> {
-    let local: Vec<PointMatch> =
-        matches.iter().map(|m| PointMatch { a: frame.local(&m.a), b: frame.local(&m.b), ..*m }).collect();
+    let unit = in_units(frame);
+    let local = |p: &Vector2<f64>| unit.normalised_from_pixel(p);
+    let local: Vec<PointMatch> = matches.iter().map(|m| PointMatch { a: local(&m.a), b: local(&m.b), ..*m }).collect();
     direct_linear_transformation(&local).map(|(h, _)| h)
 }
 
 /// The front door: camera and standard deviations of (fx, fy, cx, cy). It is told which pairs are motions, that the lens has
 /// no distortion, how coarse the matches may be, that the camera keeps its height and, where it is so, that the axes are exact.
 pub(super) fn groundcal(
-    pairs: &[SyntheticPair],
+    pairs: &[ImagePair],
     condition: &Condition,
     seed: u64,
 ) -> Result<(Intrinsics, [f64; 4]), Error> {
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
-    let matches: Vec<ImagePair> = pairs.iter().map(|p| p.pair.clone()).collect();
     let mut options = Options {
         constraint: Constraint::ZeroSkew,
         attitude_sigma_deg: condition.axis_known.then_some(0.0),
@@ -354,7 +357,7 @@ pub(super) fn groundcal(
     };
     // By default matches of more than 2 px of noise are cut as outliers.
     options.robust.max_sigma_px = options.robust.max_sigma_px.max(NOISE_MARGIN * condition.noise_px);
-    let c = calibrate_matches(&names, condition.setting.size, &matches, &options, &Silent)?;
+    let c = calibrate_matches(&names, condition.setting.size, pairs, &options, &Silent)?;
     let (k, s) = (&c.camera, &c.standard_deviation);
     let sigma = [s.fx, s.fy, s.cx, s.cy].map(|v| v.unwrap_or(f64::NAN));
     Ok((Intrinsics { fx: k.fx, fy: k.fy, cx: k.cx, cy: k.cy, skew: k.skew }, sigma))
@@ -523,7 +526,7 @@ mod tests {
         let (attitude, turn, tilt, azimuth): ((f64, f64), f64, f64, f64) = ((0.8, 0.3), 0.26, 0.05, 1.1);
         let spec = about_tilted_axis(attitude, turn, 0.2, tilt, azimuth);
         let [a, b] = spec.views();
-        let rotation = |v: &View| rotation_cam_from_world(v.pitch_down_rad, v.roll_rad, v.yaw_rad);
+        let rotation = |v: &groundcal::geometry::View| rotation_cam_from_world(v.pitch_down_rad, v.roll_rad, v.yaw_rad);
         let relative = rotation(&b).transpose() * rotation(&a);
         let axis = Vector3::new(tilt.sin() * azimuth.cos(), tilt.sin() * azimuth.sin(), tilt.cos());
         assert!((relative * axis - axis).norm() < 1e-12);

@@ -8,7 +8,7 @@ use groundcal::{
     LensModel, MotionModel, Options, Silent, calibrate_matches,
     geometry::{Constraint, ImageSize, Intrinsics},
     pairs::ImagePair,
-    synthetic::{MotionSpec, PlaneViewScene, PointScene, plane_views_bound},
+    synthetic::{MotionSpec, PlaneViewScene, PointScene},
 };
 
 /// Numbers of views.
@@ -83,7 +83,6 @@ pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 3] {
         sigma_px: setup.noise_px,
         ..PlaneViewScene::nominal(seed)
     };
-    let shown = scene.views();
     let calibrated = |images: usize, pairs: &[ImagePair], motion: MotionModel| {
         let options = Options { motion, constraint: Constraint::ZeroSkew, lens: LensModel::None, ..Options::default() };
         let names: Vec<String> = (0..images).map(|i| i.to_string()).collect();
@@ -91,7 +90,7 @@ pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 3] {
         Some(c.camera.fx / f - 1.0).filter(|e: &f64| e.is_finite())
     };
     Method::ALL.map(|method| match method {
-        Method::General => calibrated(setup.views, &shown.pairs, MotionModel::General),
+        Method::General => calibrated(setup.views, &scene.pairs(), MotionModel::General),
         Method::PlaneNormal => {
             let motions: Vec<MotionSpec> = ATTITUDES_DEG
                 .iter()
@@ -108,14 +107,10 @@ pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 3] {
                 motions,
                 ..PointScene::nominal(seed)
             };
-            let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+            let pairs: Vec<ImagePair> = scene.pairs();
             calibrated(2 * scene.motions.len(), &pairs, MotionModel::PlaneNormal)
         }
-        Method::Bound => {
-            let points = (shown.points.as_slice(), shown.seen.as_slice());
-            let bound = plane_views_bound(&intrinsics, &shown.views, points, setup.noise_px, Constraint::ZeroSkew)?;
-            Some(bound[(0, 0)].sqrt() / f)
-        }
+        Method::Bound => Some(scene.bound(Constraint::ZeroSkew)?[(0, 0)].sqrt() / f),
     })
 }
 

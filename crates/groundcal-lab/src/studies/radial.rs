@@ -10,11 +10,11 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Mcg;
 
 use crate::studies::{
-    figure4::{Condition, linear_homography, quantile, scene},
+    figure4::{Condition, in_units, linear_homography, quantile, scene},
     setting::Setting,
 };
 use groundcal::{
-    geometry::{Division, Frame, Lens},
+    geometry::{Camera, Division, Frame, Lens},
     pairs::{HomographyEstimate, PointMatch, division_of_motion, division_of_motions, gold_standard_homography},
     start::{Constraint, unweighted_camera},
 };
@@ -65,18 +65,19 @@ pub struct Outcome {
 pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcome; 4] {
     let scene = scene(&Condition { noise_px: 0.0, setting, ..Condition::default() }, seed, number);
     let frame = Frame::new(scene.size, None);
-    let lens = Lens::Division(Division::new(LAMBDA));
+    let unit = in_units(&frame);
+    let camera = Camera { size: scene.size, intrinsics: unit, lens: Lens::Division(Division::new(LAMBDA)) };
     let mut rng = Pcg64Mcg::seed_from_u64(scene.seed ^ 0x5ad1_a100);
     let mut seen = |p: &Vector2<f64>| {
         let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
         let noise = Vector2::new(normal(), normal()) * noise_px;
         // A barrel lens distorts any point.
-        frame.pixel(&lens.project(&frame.local(p).push(1.0)).unwrap_or_default()) + noise
+        camera.project(&unit.normalised_from_pixel(p).push(1.0)).unwrap_or(frame.origin_px) + noise
     };
     let motions: Vec<Vec<PointMatch>> = scene
         .pairs()
         .iter()
-        .map(|p| p.pair.matches.iter().map(|m| PointMatch { a: seen(&m.a), b: seen(&m.b), ..*m }).collect())
+        .map(|p| p.matches.iter().map(|m| PointMatch { a: seen(&m.a), b: seen(&m.b), ..*m }).collect())
         .collect();
     let slices: Vec<&[PointMatch]> = motions.iter().map(Vec::as_slice).collect();
     let fx_error = |homographies: Option<Vec<Matrix3<f64>>>| {
@@ -99,7 +100,9 @@ pub fn trial(noise_px: f64, setting: Setting, seed: u64, number: u64) -> [Outcom
                 let ideal: Option<Vec<PointMatch>> = matches
                     .iter()
                     .map(|m| {
-                        let undo = |p: &Vector2<f64>| Some(frame.pixel(&model.undistort(&frame.local(p))?));
+                        let undo = |p: &Vector2<f64>| {
+                            Some((unit.matrix() * model.undistort(&unit.normalised_from_pixel(p))?.push(1.0)).xy())
+                        };
                         Some(PointMatch { a: undo(&m.a)?, b: undo(&m.b)?, ..*m })
                     })
                     .collect();

@@ -6,7 +6,7 @@ use crate::studies::{
     setting::Setting,
 };
 use crate::{rank_correlation::spearman, subsets::rank_subsets};
-use groundcal::synthetic::{HeightModel, cramer_rao_bound};
+use groundcal::synthetic::{HeightModel, PointScene};
 use groundcal::{
     geometry::Frame,
     pairs::{HomographyEstimate, gold_standard_homography, shows_turn},
@@ -51,7 +51,7 @@ pub fn trial(size: usize, setting: Setting, noise_px: f64, seed: u64, number: u6
     let frame = Frame::new(scene.size, None);
     let pairs = scene.pairs();
     let fit = |matches: &[_]| gold_standard_homography(matches, &frame).ok().filter(shows_turn);
-    let motions: Vec<HomographyEstimate> = pairs.iter().map(|p| fit(&p.pair.matches)).collect::<Option<_>>()?;
+    let motions: Vec<HomographyEstimate> = pairs.iter().map(|p| fit(&p.matches)).collect::<Option<_>>()?;
     let fx = scene.intrinsics.fx;
     let relative = |found: f64| Some(found / fx - 1.0).filter(|e: &f64| e.is_finite());
     let subsets = rank_subsets(&motions, Constraint::ZeroSkew, size).ok()?;
@@ -71,9 +71,8 @@ pub fn trial(size: usize, setting: Setting, noise_px: f64, seed: u64, number: u6
     let (predicted, errors): (Vec<f64>, Vec<f64>) =
         ranked.iter().filter_map(|(_, r)| Some((r.predicted, r.weighted?.abs()))).unzip();
     let first = ranked.iter().find(|(is_first, _)| *is_first)?.1;
-    let of_first: Vec<_> =
-        scene.motions[..size].iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
-    let bound = cramer_rao_bound(&scene.intrinsics, &of_first, noise_px, Constraint::ZeroSkew, HeightModel::Free);
+    let of_first = PointScene { motions: scene.motions[..size].to_vec(), ..scene.clone() };
+    let bound = of_first.bound(Constraint::ZeroSkew, HeightModel::Free);
     Some(Trial {
         ranked: ranked.into_iter().map(|r| r.1).collect(),
         correlation: spearman(&predicted, &errors),

@@ -8,10 +8,10 @@ use crate::studies::{
     figure4::{Condition, groundcal, scene},
     setting::Setting,
 };
-use groundcal::synthetic::{HeightModel, MotionSpec, PointScene, SyntheticPair, cramer_rao_bound};
+use groundcal::synthetic::{HeightModel, MotionSpec, PointScene};
 use groundcal::{
     geometry::Frame,
-    pairs::{HomographyEstimate, gold_standard_homography},
+    pairs::{HomographyEstimate, ImagePair, gold_standard_homography},
     start::{Constraint, calibrate_transferred, unweighted_camera},
 };
 
@@ -114,8 +114,8 @@ pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 4] {
     let links = PointScene { motions: across.collect(), seed: base.seed ^ 0x7a5f, ..base.clone() };
     let frame = Frame::new(base.size, None);
     let pairs = base.pairs();
-    let fit = |pairs: &[SyntheticPair]| -> Option<Vec<HomographyEstimate>> {
-        pairs.iter().map(|p| gold_standard_homography(&p.pair.matches, &frame).ok()).collect()
+    let fit = |pairs: &[ImagePair]| -> Option<Vec<HomographyEstimate>> {
+        pairs.iter().map(|p| gold_standard_homography(&p.matches, &frame).ok()).collect()
     };
     let own = fit(&pairs);
     let relative = |fx: f64| Some(fx / base.intrinsics.fx - 1.0).filter(|e: &f64| e.is_finite());
@@ -131,15 +131,7 @@ pub fn trial(setup: &Setup, seed: u64, number: u64) -> [Option<f64>; 4] {
         }
         Method::Groundcal => relative(groundcal(&pairs, &condition, seed).ok()?.0.fx),
         Method::Bound => {
-            let motions: Vec<_> =
-                base.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
-            let bound = cramer_rao_bound(
-                &base.intrinsics,
-                &motions,
-                condition.noise_px,
-                Constraint::ZeroSkew,
-                HeightModel::Constant,
-            )?;
+            let bound = base.bound(Constraint::ZeroSkew, HeightModel::Constant)?;
             Some(bound[(0, 0)].sqrt() / base.intrinsics.fx)
         }
     })

@@ -32,8 +32,9 @@ const SKETCH_SIZE: usize = 64;
 /// Matches that two pairs must have in common: by chance they have none.
 const MIN_COMMON_MATCHES: usize = 4;
 
-/// Leaves, of pairs of the same two pictures, one to show a motion: that of the first of each where there is such a pair, else that of most
-/// matches. What is first is said by an order that does not hang on names. Returns each image that is a copy, after the one it is a copy of.
+/// Where images are copies of others, several pairs are of the same two pictures; one of them is left to show a motion. It is the pair of the two
+/// originals if there is one, else the pair of most matches. The original of several copies is the first by `order`, which does not depend on
+/// their names. Returns [original, copy] for each image that is a copy.
 pub(super) fn count_once(
     pairs: &mut [PairObservation],
     order: impl Fn(ImageId) -> (u64, ImageId),

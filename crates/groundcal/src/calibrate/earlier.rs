@@ -81,7 +81,7 @@ mod tests {
 
     fn calibration(seed: u64, options: &Options) -> Calibration {
         let scene = PointScene::nominal(seed);
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
         calibrate_matches(&names, scene.size, &pairs, options, &Silent).expect("a camera")
     }

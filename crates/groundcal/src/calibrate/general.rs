@@ -331,11 +331,10 @@ fn check_spread(state: &State, stages: &StageOptions<'_>) -> Result<(), Error> {
 
 /// No closed form: general motion needs no plane-normal motions, which it is made of.
 fn solution_of(joint: &JointSolution, stages: &StageOptions<'_>) -> CameraSolution {
-    let free = stages.options.constraint.free();
     CameraSolution {
         intrinsics: joint.intrinsics,
         covariance_px: SMatrix::zeros(),
-        estimated: [free[0], free[0], free[2], free[3], free[4]],
+        estimated: stages.options.constraint.estimated(),
         priors: stages.camera.prior_uses(&stages.frame, &SMatrix::zeros()),
         groups: Vec::new(),
         chi_squared: 0.0,

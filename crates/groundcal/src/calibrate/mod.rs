@@ -53,7 +53,7 @@ use crate::{
     },
     result::Calibration,
     select::attitude_groups::{HorizonSides, Motion},
-    start::linear_camera::{CameraSolution, solve_camera},
+    start::{closed_forms::LinearCamera, linear_camera::solve_camera},
     vision::{features::FeatureOptions, image::GrayImage},
 };
 
@@ -166,7 +166,7 @@ pub fn calibrate_matched_images(
 /// ```
 /// use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
 /// let scene = PointScene::nominal(0);
-/// let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// let pairs: Vec<ImagePair> = scene.pairs();
 /// let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
 /// let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
 /// assert!((calibration.camera.fx - 1000.0).abs() < 20.0);
@@ -231,15 +231,15 @@ pub fn calibrate_homographies(
 /// };
 /// let points: Vec<_> = [(2.2, 0.0), (2.4, 0.6), (2.0, -0.5)].map(|(pitch, roll)| (point(pitch, roll), 1e-4)).to_vec();
 /// let options = Options { attitude_sigma_deg: Some(0.0), ..Options::default() };
-/// let solution = calibrate_circular_points(ImageSize::new(1280, 960), &points, &options)?;
-/// assert!((solution.intrinsics.fx - 1000.0).abs() < 1.0);
+/// let camera = calibrate_circular_points(ImageSize::new(1280, 960), &points, &options)?;
+/// assert!((camera.intrinsics.fx - 1000.0).abs() < 1.0);
 /// # Ok::<(), groundcal::Error>(())
 /// ```
 pub fn calibrate_circular_points(
     size: ImageSize,
     points: &[(Vector3<Complex<f64>>, f64)],
     options: &Options,
-) -> Result<CameraSolution, Error> {
+) -> Result<LinearCamera, Error> {
     options.validate(size)?;
     let frame = options.frame(size);
     let to_frame = frame.frame_matrix().map(|x| Complex::new(x, 0.0));
@@ -262,7 +262,8 @@ pub fn calibrate_circular_points(
             Ok(Motion { from: ImageId::new(2 * i), to: ImageId::new(2 * i + 1), geometry, sides: HorizonSides::One })
         })
         .collect::<Result<_, Error>>()?;
-    solve_camera(&motions, &frame, &options.camera(size))
+    let found = solve_camera(&motions, &frame, &options.camera(size))?;
+    Ok(LinearCamera { intrinsics: found.intrinsics, covariance_px: found.covariance_px })
 }
 
 #[cfg(test)]

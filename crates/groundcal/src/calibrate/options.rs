@@ -4,6 +4,7 @@ pub(crate) use crate::result::Method;
 use crate::{
     error::Error,
     geometry::{frame::Frame, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
+    named::named,
     pairs::{
         known_lens::{K1_SIGMA, K2_SIGMA, K3_SIGMA, P_SIGMA},
         pair_lens::RadialCorrection,
@@ -18,29 +19,32 @@ use crate::{
     vision::{features::FeatureOptions, patches::PatchOptions},
 };
 
-/// What is estimated of a lens.
-///
-/// # Examples
-/// ```
-/// use groundcal::{LensModel, Options};
-/// // Ideal pictures, undistorted before: nothing is estimated of the lens.
-/// let options = Options { lens: LensModel::None, ..Options::default() };
-/// assert!(options.lens != LensModel::default());
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum LensModel {
-    /// Nothing: the lens is taken to have no distortion, and the error bars do not cover it.
-    None,
-    /// k1, p1 and p2.
-    K1,
-    /// k1, k2, p1 and p2, each with a prior about zero: what the images do not tell stays there, with its error bar. k3 where the
-    /// residuals of the joint refinement ask for it.
-    #[default]
-    K1K2,
-    /// The same, and never a fisheye's: unless this is said, that is tried where the images reach far from the axis.
-    Radtan,
-    /// A fisheye's (equidistant, Kannala and Brandt), of up to 220 degrees across the image's diagonal and more: k1 to k4, each with a prior about zero.
-    Fisheye,
+named! {
+    /// What is estimated of a lens.
+    ///
+    /// # Examples
+    /// ```
+    /// use groundcal::{LensModel, Options};
+    /// // Ideal pictures, undistorted before: nothing is estimated of the lens.
+    /// let options = Options { lens: LensModel::None, ..Options::default() };
+    /// assert!(options.lens != LensModel::default());
+    /// assert_eq!(LensModel::ALL.map(LensModel::name), ["none", "k1", "k1k2", "radtan", "fisheye"]);
+    /// ```
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+    pub enum LensModel {
+        /// Nothing: the lens is taken to have no distortion, and the error bars do not cover it.
+        None = "none",
+        /// k1, p1 and p2.
+        K1 = "k1",
+        /// k1, k2, p1 and p2, each with a prior about zero: what the images do not tell stays there, with its error bar. k3 where the
+        /// residuals of the joint refinement ask for it.
+        #[default]
+        K1K2 = "k1k2",
+        /// The same, and never a fisheye's: unless this is said, that is tried where the images reach far from the axis.
+        Radtan = "radtan",
+        /// A fisheye's (equidistant, Kannala and Brandt), of up to 220 degrees across the image's diagonal and more: k1 to k4, each with a prior about zero.
+        Fisheye = "fisheye",
+    }
 }
 
 // Every lens model is named in each of these, so that a new one is asked for all of it.
@@ -209,8 +213,8 @@ pub struct Options {
     pub robust: RobustOptions,
     /// Whether the floor of the motions found is matched again patch by patch (images only).
     pub match_patches: bool,
-    /// Least squares matching of those patches.
-    pub patches: PatchOptions,
+    /// Largest predicted standard deviation of either coordinate of a patch, in pixels: less texture than that is left out.
+    pub max_patch_sigma_px: f64,
     /// Seed of every random choice.
     pub seed: u64,
 }
@@ -245,7 +249,7 @@ impl Default for Options {
             feature_density: FeatureDensity::default(),
             robust: RobustOptions::default(),
             match_patches: true,
-            patches: PatchOptions::default(),
+            max_patch_sigma_px: PatchOptions::default().max_sigma_px,
             stated_focal_px: None,
             seed: 0,
         }

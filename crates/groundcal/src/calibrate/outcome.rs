@@ -31,6 +31,7 @@ use crate::{
     },
     select::{
         attitude_groups::{AttitudeGroup, DIFFERENT_ATTITUDE},
+        general::PAIRS_PER_IMAGE,
         selection::{MotionKind, PairVerdict, Rejection, Selection},
     },
 };
@@ -325,9 +326,11 @@ fn why_not_used(
             CHI_SQUARED_2_999.sqrt()
         ),
         Rejection::Disagrees { .. } => "agrees with no camera".to_string(),
-        Rejection::WrongSides => {
-            "not a turn about the floor's normal: the horizon it implies passes between its points".to_string()
-        }
+        Rejection::WrongSides { beyond, most } => format!(
+            "not a turn about the floor's normal: the horizon it implies passes between its points ({:.0} % lie beyond it, {:.0} % are allowed)",
+            100.0 * beyond,
+            100.0 * most
+        ),
         Rejection::OtherAttitude { pair: other, image, sigmas } => {
             let [from, to] = pairs[other].images().map(|image| names.of(image));
             format!(
@@ -341,16 +344,22 @@ fn why_not_used(
                                that came out"
                 .to_string()
         }
-        Rejection::NoRotation => "not explained by a camera that turns on the spot, as the others are".to_string(),
-        Rejection::OneMotionOnly => "not needed: the method transfers the one motion of most matches".to_string(),
+        Rejection::NoRotation { misfit, most } => format!(
+            "not explained by a camera that turns on the spot, as the others are (off a rotation by {misfit:.2}, {most} is allowed)"
+        ),
+        Rejection::OneMotionOnly { matches, of_used } => format!(
+            "not needed: the method transfers the one motion of most matches (it has {matches}, the one used {of_used})"
+        ),
         Rejection::NotNamed => "not one of the pairs named: at most a link between views".to_string(),
-        Rejection::Redundant => "not needed: pairs of more matches join its images".to_string(),
+        Rejection::Redundant => {
+            format!("not needed: pairs of more matches join its images ({PAIRS_PER_IMAGE} of each image are used)")
+        }
         Rejection::TooNoisy { sigma_px, most_px } => {
             format!("the points of its plane scatter by {sigma_px:.1} px, {most_px} px are allowed")
         }
         Rejection::Mirrored => "one of its images is mirrored, or they show a plane from its two sides".to_string(),
         Rejection::OtherPlane => "its points are not of the plane that the other pairs show".to_string(),
-        Rejection::Unconnected => "no common plane joins its images with the others".to_string(),
+        Rejection::Unconnected => "no pair used joins its images with the others".to_string(),
     })
 }
 

@@ -83,12 +83,10 @@ fn camera(motions: &[Motion], stages: &StageOptions<'_>, observer: &dyn Observer
     check_certainty(&covariance, constraint, groups.len(), frame)?;
     let intrinsics = frame.intrinsics_to_pixel(&k);
     let jacobian = frame.pixels_by_logarithms(&intrinsics);
-    let free = constraint.free();
     Ok(CameraSolution {
         intrinsics,
         covariance_px: jacobian * covariance * jacobian.transpose(),
-        // fy moves with fx when the ratio is held.
-        estimated: [free[0], free[0], free[2], free[3], free[4]],
+        estimated: constraint.estimated(),
         priors: Vec::new(),
         groups,
         chi_squared,

@@ -1,4 +1,13 @@
 //! Converged or not an answer: a refinement is tried from other starts, then without its worst motions, and refused in the end.
+//!
+//! ```text
+//! unsound:   not converged,   P(χ²(σ_a = 2.5 degrees)) < 0.001,   s² > 25,   D > 2.6 (directions),   2 atan(w / 2f) > 170 degrees
+//! wrong motion m:   s² of all is no noise,  s² without m is,   gain of "m apart" > 2 ln 1000  and  > the next suspect's + 2 ln 1000 + 3.09 √(32 (M - 1))
+//! ```
+//!
+//! s²: variance of the residuals in units of the matching noise, of the kind that has most; D: their design effect; w: side of the image; χ² of the
+//! attitude errors under the largest σ_a with which a motion is one. gain: by how much -2 ln E of the residuals falls where those of m are left to a
+//! homography of its own ([`crate::refine::evidence`]); M motions, whose homographies of their own would take eight numbers each.
 
 use crate::{
     calibrate::{

@@ -14,6 +14,7 @@ use crate::{
         linear_camera::CameraOptions,
         rotating_camera::{RotatingOptions, Weighting},
     },
+    vision::patches::PatchOptions,
 };
 
 /// What each stage is told.
@@ -117,8 +118,10 @@ impl<'a> StageOptions<'a> {
                 min_matches,
                 max_sigma_px: if source.has_images { options.robust.max_sigma_px } else { MAX_NOISE_PX },
             },
-            patches: (source.has_images && options.has_patches())
-                .then_some(PatchStageOptions { patches: options.patches, observe }),
+            patches: (source.has_images && options.has_patches()).then(|| PatchStageOptions {
+                patches: PatchOptions { max_sigma_px: options.max_patch_sigma_px, ..PatchOptions::default() },
+                observe,
+            }),
             camera: options.camera(size),
             rotating: RotatingOptions {
                 constraint: match options.constraint {

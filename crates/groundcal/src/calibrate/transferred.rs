@@ -78,7 +78,7 @@ pub(super) fn solve_transferred(
         joint: None,
         used: vec![first],
         links: joined.iter().map(|join| join.id).collect(),
-        selection: Some(selection.clone().with_one(first)),
+        selection: Some(selection.clone().with_one(first, pairs)),
         lens_share,
         rotations_rad: None,
         amplification: None,

@@ -61,12 +61,11 @@ pub(super) fn solve_turning(
     let joint = refined(pairs, selection, focal_px, lens, &refinement, stages, observer)?;
     check_soundness(&joint, stages.size)?;
     let (frame, constraint) = (&stages.frame, stages.options.constraint);
-    let free = constraint.free();
     // No closed form: rotations need no plane-normal motions, which it is made of.
     let start = CameraSolution {
         intrinsics: joint.intrinsics,
         covariance_px: SMatrix::zeros(),
-        estimated: [free[0], free[0], free[2], free[3], free[4]],
+        estimated: constraint.estimated(),
         priors: stages.camera.prior_uses(frame, &SMatrix::zeros()),
         groups: Vec::new(),
         chi_squared: 0.0,

@@ -18,7 +18,7 @@ use crate::{
 /// Camera heights to which the floor is shown where nothing is said.
 pub const DEFAULT_EXTENT_HEIGHTS: f64 = 5.0;
 /// Most pixels of one picture.
-pub const MAX_PIXELS: u64 = 100_000_000;
+pub(crate) const MAX_PIXELS: u64 = 100_000_000;
 
 /// Which way is up in a picture of the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,6 +47,8 @@ pub struct Resolution {
     pub px_per_unit: f64,
     /// What the images have, where that makes too large a picture.
     pub lowered_from: Option<f64>,
+    /// The most pixels that a picture may have.
+    pub most_pixels: u64,
 }
 
 /// Why there is no resolution.
@@ -58,6 +60,8 @@ pub enum ResolutionError {
     TooLarge {
         /// Its pixels.
         pixels: u64,
+        /// The most that a picture may have.
+        most_pixels: u64,
         /// A resolution that fits.
         fits_px_per_unit: f64,
     },
@@ -123,16 +127,20 @@ impl FloorLayout {
             if pixels > MAX_PIXELS {
                 // A margin for the rounding up of sides.
                 let fits = px_per_unit * (MAX_PIXELS as f64 / pixels.max(1) as f64).sqrt() * 0.999;
-                return Err(ResolutionError::TooLarge { pixels, fits_px_per_unit: three_digits_down(fits) });
+                return Err(ResolutionError::TooLarge {
+                    pixels,
+                    most_pixels: MAX_PIXELS,
+                    fits_px_per_unit: three_digits_down(fits),
+                });
             }
-            return Ok(Resolution { px_per_unit, lowered_from: None });
+            return Ok(Resolution { px_per_unit, lowered_from: None, most_pixels: MAX_PIXELS });
         }
         let wanted = one_two_five(of_images);
         let mut px_per_unit = wanted;
         while largest(px_per_unit) > MAX_PIXELS && px_per_unit > 1e-6 * wanted {
             px_per_unit = one_two_five(px_per_unit * 0.6);
         }
-        Ok(Resolution { px_per_unit, lowered_from: (px_per_unit < wanted).then_some(wanted) })
+        Ok(Resolution { px_per_unit, lowered_from: (px_per_unit < wanted).then_some(wanted), most_pixels: MAX_PIXELS })
     }
 }
 

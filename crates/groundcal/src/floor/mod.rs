@@ -12,7 +12,7 @@ pub(crate) mod scale;
 pub(crate) mod undistort;
 pub(crate) mod view;
 
-pub use layout::{DEFAULT_EXTENT_HEIGHTS, FloorLayout, MAX_PIXELS, Resolution, ResolutionError, Up, sets_of_one_world};
+pub use layout::{DEFAULT_EXTENT_HEIGHTS, FloorLayout, Resolution, ResolutionError, Up, sets_of_one_world};
 pub use odometry::{BasePose, with_odometry};
 pub use placed::{Placed, placed};
 pub use points::{FloorPoint, ImagePoint, Length, MeasuringView};

@@ -293,7 +293,7 @@ mod tests {
     /// A calibration of one attitude to be filled with views.
     fn template() -> Calibration {
         let scene = PointScene::nominal(4);
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
         let c = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).expect("a camera");
         Calibration { scene: Some(Scene::Floor), ..c }

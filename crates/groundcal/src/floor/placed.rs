@@ -15,7 +15,7 @@ use crate::{
 /// ```
 /// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
 /// # let scene = PointScene::nominal(0);
-/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let pairs: Vec<ImagePair> = scene.pairs();
 /// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
 /// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
 /// let all = groundcal::placed(&calibration, 1.0)?;
@@ -44,7 +44,7 @@ pub struct Placed {
 /// ```
 /// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
 /// # let scene = PointScene::nominal(0);
-/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let pairs: Vec<ImagePair> = scene.pairs();
 /// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
 /// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
 /// // In units of the first camera's height.

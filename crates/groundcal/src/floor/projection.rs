@@ -129,7 +129,7 @@ mod tests {
 
     fn calibration(seed: u64) -> (PointScene, Calibration) {
         let scene = PointScene { matches: 80, ..PointScene::nominal(seed) };
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
         let c = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).expect("a camera");
         (scene, c)

@@ -27,7 +27,7 @@ use crate::{
 /// use groundcal::{synthetic::PointScene, vision::Raster, ImagePair, ImageSize, Options, Silent, calibrate_matches, rectify_image};
 ///
 /// let scene = PointScene::nominal(0);
-/// let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// let pairs: Vec<ImagePair> = scene.pairs();
 /// let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
 /// let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
 ///
@@ -65,7 +65,7 @@ pub fn rectify_image<T: Depth>(
     let no_floor = || Error::InvalidInput(format!("{image} sees no floor within {max_distance} of its foot"));
     let resolution = layout.resolution(&[vec![view]], px_per_unit).map_err(|error| match error {
         ResolutionError::NoFloor => no_floor(),
-        ResolutionError::TooLarge { pixels, fits_px_per_unit } => Error::InvalidOption(format!(
+        ResolutionError::TooLarge { pixels, fits_px_per_unit, .. } => Error::InvalidOption(format!(
             "a picture of {pixels} pixels: {fits_px_per_unit} pixels a unit of length would fit"
         )),
     })?;
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn the_floor_of_an_image_is_shown_and_what_does_not_fit_is_refused() {
         let scene = PointScene::nominal(0);
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
         let c = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).unwrap();
         let of = |size: ImageSize| Raster::from_rows(size, 1, vec![200u8; size.width * size.height]).unwrap();

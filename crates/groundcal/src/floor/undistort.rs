@@ -13,7 +13,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::{
     error::Error,
-    geometry::{camera::Camera, intrinsics::Intrinsics, lens::Lens, size::ImageSize},
+    geometry::{camera::Camera, intrinsics::Intrinsics, size::ImageSize},
 };
 
 /// Which part of the undistorted scene an image of the same size shows.
@@ -65,7 +65,7 @@ impl Undistortion {
     /// [`Error::InvalidInput`] when the lens model folds over within the image (`All`, `Crop`), where nothing can be undone; when the
     /// image shows more than a flat one can (`All`); when a field of view is not between 0 and 175 degrees.
     pub fn new(camera: &Camera, fit: Fit) -> Result<Self, Error> {
-        let wide = || !matches!(camera.lens, Lens::None | Lens::Radtan(_));
+        let wide = || !camera.lens.is_flat();
         let intrinsics = match fit {
             Fit::Same => camera.intrinsics,
             Fit::FieldOfView { horizontal_rad } => of_field_of_view(camera, horizontal_rad)?,
@@ -133,7 +133,7 @@ fn sides(camera: &Camera) -> Result<[Vec<Vector2<f64>>; 4], Error> {
             let pixel = on_border(camera.size, i, t);
             let ray = camera.unproject(&pixel).ok_or_else(|| folded(camera))?;
             let angle = ray.xy().norm().atan2(ray.z);
-            if angle > MAX_ANGLE_RAD && !matches!(camera.lens, Lens::None | Lens::Radtan(_)) {
+            if angle > MAX_ANGLE_RAD && !camera.lens.is_flat() {
                 return Err(Error::InvalidInput(format!(
                     "the image shows directions of {:.0} degrees from the optical axis: no flat image holds them. Crop it, or name a \
                      field of view",
@@ -228,7 +228,7 @@ fn cropped(camera: &Camera) -> Result<Intrinsics, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geometry::lens::{Division, Fisheye, Radtan};
+    use crate::geometry::lens::{Division, Fisheye, Lens, Radtan};
 
     fn camera(lens: Lens) -> Camera {
         let intrinsics = Intrinsics { fx: 500.0, fy: 510.0, cx: 330.0, cy: 232.0, skew: 0.0 };

@@ -39,7 +39,7 @@ const HULL_POINTS: usize = 512;
 /// ```
 /// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
 /// # let scene = PointScene::nominal(0);
-/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let pairs: Vec<ImagePair> = scene.pairs();
 /// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
 /// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
 /// use groundcal::{FloorView, nalgebra::Vector2};
@@ -191,10 +191,7 @@ impl FloorView {
     /// Outline of the floor within `max_distance` of the foot (floor units) that an image of a size sees: corners in order
     /// round it, not closed; empty when it sees none. With a lens that sees behind the camera, the convex hull of that.
     pub fn seen_floor(&self, size: ImageSize, max_distance: f64) -> Vec<Vector2<f64>> {
-        match self.lens {
-            Lens::None | Lens::Radtan(_) => self.seen_in_front(size, max_distance),
-            _ => self.hull_of_seen(size, max_distance),
-        }
+        if self.lens.is_flat() { self.seen_in_front(size, max_distance) } else { self.hull_of_seen(size, max_distance) }
     }
 
     /// Clipped in homogeneous coordinates, so that the horizon needs no care: the half planes that make the circle leave nothing of

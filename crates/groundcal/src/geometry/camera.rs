@@ -9,14 +9,12 @@
 //! The order of its parameters, everywhere: fx, fy, cx, cy, skew ([`INTRINSIC_NAMES`]), then those of the lens
 //! ([`Lens::parameter_names`]).
 
-use nalgebra::{Matrix2, Matrix2x3, Matrix2x5, Vector2, Vector3};
+#[cfg(test)]
+use nalgebra::Matrix2x5;
+use nalgebra::{Matrix2, Matrix2x3, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::{
-    intrinsics::Intrinsics,
-    lens::{ByLensParameters, Lens},
-    size::ImageSize,
-};
+use crate::geometry::{intrinsics::Intrinsics, lens::Lens, size::ImageSize};
 
 /// Names of the camera matrix's parameters, in their order.
 pub(crate) const INTRINSIC_NAMES: [&str; 5] = ["fx", "fy", "cx", "cy", "skew"];
@@ -66,15 +64,17 @@ impl From<Camera> for Record {
 
 /// Where a point is seen, with derivatives.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct CameraProjection {
+pub(crate) struct CameraProjection {
     /// The pixel.
-    pub pixel: Vector2<f64>,
+    pub(crate) pixel: Vector2<f64>,
     /// By the point, or the ray.
-    pub by_point: Matrix2x3<f64>,
+    pub(crate) by_point: Matrix2x3<f64>,
     /// By fx, fy, cx, cy, skew.
-    pub by_intrinsics: Matrix2x5<f64>,
+    #[cfg(test)]
+    pub(crate) by_intrinsics: Matrix2x5<f64>,
     /// By the lens's parameters; columns beyond their number are zero.
-    pub by_lens: ByLensParameters,
+    #[cfg(test)]
+    pub(crate) by_lens: crate::geometry::lens::ByLensParameters,
 }
 
 impl Camera {
@@ -84,15 +84,22 @@ impl Camera {
         self.lens.project(point).map(|d| self.intrinsics.pixel_from_normalised(&d))
     }
 
+    /// How that pixel changes with the point, or the ray.
+    pub fn derivative_by_point(&self, point: &Vector3<f64>) -> Option<Matrix2x3<f64>> {
+        Some(self.project_with_jacobians(point)?.by_point)
+    }
+
     /// [`Self::project`] with derivatives.
-    pub fn project_with_jacobians(&self, point: &Vector3<f64>) -> Option<CameraProjection> {
+    pub(crate) fn project_with_jacobians(&self, point: &Vector3<f64>) -> Option<CameraProjection> {
         let lens = self.lens.project_with_jacobian(point)?;
         let (k, d) = (&self.intrinsics, &lens.point);
         let linear = Matrix2::new(k.fx, k.skew, 0.0, k.fy);
         Some(CameraProjection {
             pixel: k.pixel_from_normalised(d),
             by_point: linear * lens.by_ray,
+            #[cfg(test)]
             by_intrinsics: Matrix2x5::new(d.x, 0.0, 1.0, 0.0, d.y, 0.0, d.y, 0.0, 1.0, 0.0),
+            #[cfg(test)]
             by_lens: linear * lens.by_parameters,
         })
     }

@@ -2,60 +2,42 @@
 
 use serde::{Deserialize, Serialize};
 
-/// What is assumed of the camera matrix (KZR 1.1).
-///
-/// # Examples
-/// ```
-/// use groundcal::Constraint;
-/// assert_eq!(Constraint::Square.to_string(), "square");
-/// assert_eq!(Constraint::ALL[0].to_string(), "auto");
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
-pub enum Constraint {
-    /// Zero skew, and priors instead of hard choices for aspect ratio and principal point.
-    #[default]
-    #[serde(rename = "auto")]
-    Auto,
-    /// All five parameters free: three attitudes.
-    #[serde(rename = "full")]
-    Full,
-    /// ω12 = 0: two attitudes.
-    #[serde(rename = "zero-skew")]
-    ZeroSkew,
-    /// Zero skew and known aspect ratio: two attitudes.
-    #[serde(rename = "square")]
-    Square,
-    /// Zero skew and known principal point: one attitude.
-    #[serde(rename = "fixed-pp")]
-    FixedPrincipalPoint,
-    /// Zero skew, known aspect ratio and principal point: one attitude.
-    #[serde(rename = "focal")]
-    Focal,
+use crate::named::named;
+
+named! {
+    /// What is assumed of the camera matrix (KZR 1.1).
+    ///
+    /// # Examples
+    /// ```
+    /// use groundcal::Constraint;
+    /// assert_eq!(Constraint::Square.to_string(), "square");
+    /// assert_eq!(Constraint::ALL[0].to_string(), "auto");
+    /// ```
+    #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+    pub enum Constraint {
+        /// Zero skew, and priors instead of hard choices for aspect ratio and principal point.
+        #[default]
+        #[serde(rename = "auto")]
+        Auto = "auto",
+        /// All five parameters free: three attitudes.
+        #[serde(rename = "full")]
+        Full = "full",
+        /// ω12 = 0: two attitudes.
+        #[serde(rename = "zero-skew")]
+        ZeroSkew = "zero-skew",
+        /// Zero skew and known aspect ratio: two attitudes.
+        #[serde(rename = "square")]
+        Square = "square",
+        /// Zero skew and known principal point: one attitude.
+        #[serde(rename = "fixed-pp")]
+        FixedPrincipalPoint = "fixed-pp",
+        /// Zero skew, known aspect ratio and principal point: one attitude.
+        #[serde(rename = "focal")]
+        Focal = "focal",
+    }
 }
 
 impl Constraint {
-    /// The name used on the command line and in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Constraint::Auto => "auto",
-            Constraint::Full => "full",
-            Constraint::ZeroSkew => "zero-skew",
-            Constraint::Square => "square",
-            Constraint::FixedPrincipalPoint => "fixed-pp",
-            Constraint::Focal => "focal",
-        }
-    }
-
-    /// All of them.
-    pub const ALL: [Constraint; 6] = [
-        Constraint::Auto,
-        Constraint::Full,
-        Constraint::ZeroSkew,
-        Constraint::Square,
-        Constraint::FixedPrincipalPoint,
-        Constraint::Focal,
-    ];
-
     /// Which of (ln fx, ln fy/fx, cx, cy, skew) are free.
     pub fn free(self) -> [bool; 5] {
         match self {
@@ -65,6 +47,12 @@ impl Constraint {
             Constraint::FixedPrincipalPoint => [true, true, false, false, false],
             Constraint::Focal => [true, false, false, false, false],
         }
+    }
+
+    /// Which of (fx, fy, cx, cy, skew) have an error: fy, too, where it is fx times a ratio that is held.
+    pub(crate) fn estimated(self) -> [bool; 5] {
+        let [fx, _, cx, cy, skew] = self.free();
+        [fx, fx, cx, cy, skew]
     }
 
     /// Whether it holds all that another one holds.
@@ -87,12 +75,6 @@ impl Constraint {
     }
 }
 
-impl std::fmt::Display for Constraint {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.pad(self.name())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,21 +88,6 @@ mod tests {
         }
         assert!(ZeroSkew.holds_what(Auto) && Square.holds_what(ZeroSkew));
         assert!(!ZeroSkew.holds_what(Square) && !Square.holds_what(FixedPrincipalPoint) && !Full.holds_what(Auto));
-    }
-
-    /// What is asked of all of them elsewhere is asked of a new one, too.
-    #[test]
-    fn the_list_of_all_leaves_none_out() {
-        let place = |c: Constraint| match c {
-            Constraint::Auto => 0,
-            Constraint::Full => 1,
-            Constraint::ZeroSkew => 2,
-            Constraint::Square => 3,
-            Constraint::FixedPrincipalPoint => 4,
-            // A new one comes after the last, and the list has one more.
-            Constraint::Focal => 5,
-        };
-        assert_eq!(Constraint::ALL.map(place), [0, 1, 2, 3, 4, 5]);
     }
 
     #[test]

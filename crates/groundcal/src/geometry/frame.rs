@@ -24,17 +24,17 @@ impl Frame {
     }
 
     /// Pixels to frame.
-    pub fn local(&self, p: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn local(&self, p: &Vector2<f64>) -> Vector2<f64> {
         (p - self.origin_px) / self.scale_px
     }
 
     /// Frame to pixels.
-    pub fn pixel(&self, p: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn pixel(&self, p: &Vector2<f64>) -> Vector2<f64> {
         p * self.scale_px + self.origin_px
     }
 
     /// The matrix that takes homogeneous frame coordinates to pixels.
-    pub fn pixel_matrix(&self) -> Matrix3<f64> {
+    pub(crate) fn pixel_matrix(&self) -> Matrix3<f64> {
         Matrix3::new(self.scale_px, 0.0, self.origin_px.x, 0.0, self.scale_px, self.origin_px.y, 0.0, 0.0, 1.0)
     }
 
@@ -56,7 +56,7 @@ impl Frame {
     }
 
     /// Derivatives of (fx, fy, cx, cy, skew) in pixels by (ln fx, ln fy/fx, cx, cy, skew) in frame units.
-    pub fn pixels_by_logarithms(&self, k_px: &Intrinsics) -> SMatrix<f64, 5, 5> {
+    pub(crate) fn pixels_by_logarithms(&self, k_px: &Intrinsics) -> SMatrix<f64, 5, 5> {
         let mut jacobian = SMatrix::from_diagonal_element(self.scale_px);
         jacobian[(0, 0)] = k_px.fx;
         (jacobian[(1, 0)], jacobian[(1, 1)]) = (k_px.fy, k_px.fy);

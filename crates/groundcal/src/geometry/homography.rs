@@ -11,17 +11,19 @@ use crate::{error::Error, geometry::frame::Frame};
 ///
 /// # Examples
 /// ```
-/// use groundcal::{Homography, nalgebra::{Matrix3, Vector2}};
-/// let h = Homography::new(Matrix3::new(2.0, 0.0, 5.0, 0.0, 2.0, 1.0, 0.0, 0.0, 1.0))?;
-/// assert!((h.apply(&Vector2::new(1.0, 1.0)).expect("finite") - Vector2::new(7.0, 3.0)).norm() < 1e-12);
-/// # Ok::<(), groundcal::Error>(())
+/// use groundcal::{Homography, synthetic::PointScene};
+/// // What the noise of a scene's matches is about.
+/// let scene = PointScene { sigma_px: 1e-6, ..PointScene::nominal(0) };
+/// let h: Homography = scene.homography(0).expect("the first motion");
+/// let seen = scene.pairs()[0].matches[0];
+/// assert!((h.apply(&seen.a).expect("finite") - seen.b).norm() < 1e-4);
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Homography(Matrix3<f64>);
 
 impl Homography {
     /// From any multiple of the matrix; refused when it is not finite or not invertible to working precision.
-    pub fn new(h_b_from_a: Matrix3<f64>) -> Result<Self, Error> {
+    pub(crate) fn new(h_b_from_a: Matrix3<f64>) -> Result<Self, Error> {
         if !h_b_from_a.iter().all(|v| v.is_finite()) {
             return Err(Error::InvalidInput("a homography has an entry that is not a finite number".into()));
         }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// ```
 /// use groundcal::{Intrinsics, nalgebra::Vector2};
 /// let k = Intrinsics::square(500.0, 320.0, 240.0);
-/// assert_eq!(k.pixel_from_normalised(&Vector2::new(0.1, 0.2)), Vector2::new(370.0, 340.0));
+/// assert_eq!(k.normalised_from_pixel(&Vector2::new(570.0, 490.0)), Vector2::new(0.5, 0.5));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Intrinsics {
@@ -60,7 +60,7 @@ impl Intrinsics {
     }
 
     /// Normalised camera coordinates (x/z, y/z) to pixels.
-    pub fn pixel_from_normalised(&self, p: &Vector2<f64>) -> Vector2<f64> {
+    pub(crate) fn pixel_from_normalised(&self, p: &Vector2<f64>) -> Vector2<f64> {
         Vector2::new(self.fx * p.x + self.skew * p.y + self.cx, self.fy * p.y + self.cy)
     }
 

@@ -13,8 +13,8 @@ pub(crate) mod plane_view;
 pub(crate) mod size;
 
 pub use attitude::{angles_from_rotation, rotation_cam_from_world};
-pub use camera::{Camera, CameraProjection};
-pub use camera_difference::{CameraDifference, PixelDifference, Significance, camera_difference, significance};
+pub use camera::Camera;
+pub use camera_difference::{CameraDifference, camera_difference};
 pub use constraint::Constraint;
 pub use frame::Frame;
 pub use homography::Homography;

@@ -8,4 +8,4 @@ pub(crate) mod skyline;
 pub(crate) mod statistics;
 
 pub use graph::components;
-pub use statistics::{NORMAL_95, median};
+pub use statistics::{NORMAL_95, chi_squared_survival, median};

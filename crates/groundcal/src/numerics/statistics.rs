@@ -1,4 +1,11 @@
 //! The few distributions the estimators need.
+//!
+//! ```text
+//! P(χ²₂ₘ > x)   = exp(-x/2) Σ_{k<m} (x/2)ᵏ / k!                        P(χ²₂ > x) = p at x = -2 ln p
+//! P(χ²₂ₘ₊₁ > x) = erfc(√(x/2)) + √(2x/π) exp(-x/2) Σ_{k<m} xᵏ / (3 · 5 ⋯ (2k + 1))         (Abramowitz & Stegun 26.4.4, 26.4.5)
+//! E(χ²₂ | χ²₂ < c) = 2 - c exp(-c/2) / (1 - exp(-c/2))
+//! σ̂² = Σ σ² L p / Σ L p,     p(σ) dσ ∝ σ / (1 + (σ / scale)²) d ln σ     over a grid of ln σ                          (Gelman 2006)
+//! ```
 
 /// Upper quantile of the standard normal distribution that makes a two-sided 95 % interval.
 pub const NORMAL_95: f64 = 1.959_963_984_540_054;
@@ -29,7 +36,7 @@ pub(crate) fn chi_squared_2_mean_below(limit: f64) -> f64 {
 /// Probability that a chi-squared variable of `dof` degrees of freedom exceeds `value`.
 ///
 /// Finite sums for even and odd `dof` (Abramowitz & Stegun 26.4.4, 26.4.5).
-pub(crate) fn chi_squared_survival(value: f64, dof: usize) -> f64 {
+pub fn chi_squared_survival(value: f64, dof: usize) -> f64 {
     if value <= 0.0 || dof == 0 {
         return 1.0;
     }

@@ -29,8 +29,8 @@ pub(crate) struct CircularPoint {
     pub covariance: Matrix4<f64>,
     /// How it moves with the homography, for the effect of an axis that is not quite normal to the plane.
     pub sensitivity: Option<Sensitivity>,
-    /// How it would move, in tangent coordinates, for each unit of radial distortion k1 undone (the focal length taken as
-    /// the longer image side); `None` where it is not known.
+    /// Derivative of its tangent coordinates by the radial distortion k1 that is undone before the homography is fitted, the focal length
+    /// being taken as the longer image side; `None` where it was not computed.
     pub by_k1: Option<Vector4<f64>>,
 }
 
@@ -192,9 +192,9 @@ pub(crate) enum NoCircularPoint {
 
 /// Imaginary part of the eigenvalue over its standard deviation that is asked for. Where eigenvalues collapse the
 /// imaginary part of pure noise is 2 to 3 times its linearised deviation (a square or cube root of the noise).
-const MIN_SIGNIFICANCE: f64 = 8.0;
+pub(crate) const MIN_SIGNIFICANCE: f64 = 8.0;
 /// Largest standard deviation of the point's direction for which first-order propagation means something.
-const MAX_DIRECTION_SIGMA: f64 = 0.3;
+pub(crate) const MAX_DIRECTION_SIGMA: f64 = 0.3;
 
 /// Whether a homography shows a turn about the plane's normal above its noise: whether it has a circular point that is known.
 pub fn shows_turn(estimate: &HomographyEstimate) -> bool {

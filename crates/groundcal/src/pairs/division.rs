@@ -403,7 +403,7 @@ mod tests {
         let motions = scene.pairs();
         let motions = motions
             .iter()
-            .map(|p| p.pair.matches.iter().map(|m| PointMatch { a: seen(&m.a), b: seen(&m.b), ..*m }).collect())
+            .map(|p| p.matches.iter().map(|m| PointMatch { a: seen(&m.a), b: seen(&m.b), ..*m }).collect())
             .collect();
         (frame, motions, scene)
     }

@@ -22,7 +22,7 @@ pub use correspondence::{ImagePair, PointMatch, validated};
 pub use division::{division_of_motion, division_of_motions};
 pub use dlt::direct_linear_transformation;
 pub use pair_lens::RadialCorrection;
-pub use placed_lens::PlacedLens;
+pub use placed_lens::ideal_match;
 pub use refine::{HomographyEstimate, gold_standard_homography};
 pub use robust::{RobustOptions, robust_homography};
 

@@ -10,7 +10,7 @@ use crate::{
     geometry::homography::Homography,
     ids::{ImageId, PairId},
     pairs::{
-        circular_points::{MotionGeometry, NoCircularPoint, from_homography},
+        circular_points::{MAX_DIRECTION_SIGMA, MIN_SIGNIFICANCE, MotionGeometry, NoCircularPoint, from_homography},
         correspondence::{ImagePair, PointMatch},
         placed_lens::PlacedLens,
         refine::HomographyEstimate,
@@ -89,12 +89,14 @@ pub(crate) fn turning_plane(plane: RobustHomography) -> Result<TurningPlane, Ref
             let deg = rotation_rad.to_degrees();
             let near = if rotation_rad > 1.6 { "a turn near 180 degrees" } else { "a translation, or hardly a turn" };
             let reason = format!(
-                "no rotation to be seen: {near} (eigenvalue angle {deg:.1} degrees, {significance:.1} sigma; 8 needed)"
+                "no rotation to be seen: {near} (eigenvalue angle {deg:.1} degrees, {significance:.1} sigma; {MIN_SIGNIFICANCE} needed)"
             );
             Err(Refusal { rotation_deg: Some(deg), ..Refusal::new(RefusalKind::NoRotation, reason, Some(plane)) })
         }
         Err(NoCircularPoint::TooUncertain { sigma }) => {
-            let reason = format!("circular point too uncertain (direction known to {:.0} degrees)", sigma.to_degrees());
+            let [known, needed] = [sigma, MAX_DIRECTION_SIGMA].map(f64::to_degrees);
+            let reason =
+                format!("circular point too uncertain (direction known to {known:.0} degrees, {needed:.0} needed)");
             Err(Refusal::new(RefusalKind::Uncertain, reason, Some(plane)))
         }
     }

@@ -282,7 +282,7 @@ fn plane_among<M: PlaneMatch>(
         Err(error) => return Ok(Err(no_plane(matches, error))),
     };
     let on_plane: Vec<M> = found.inliers.iter().map(|&k| matches[k].clone()).collect();
-    if let Some(refusal) = refused(&found, matches, M::spread(&on_plane), options.min_matches) {
+    if let Some(refusal) = refused(&found, matches, M::spread(&on_plane), (options.min_matches, robust.static_px)) {
         return Ok(Err(Refusal { plane: Some(Box::new(found)), ..refusal }));
     }
     Ok(turning_plane(found))
@@ -292,17 +292,27 @@ fn plane_among<M: PlaneMatch>(
 fn no_plane<M: PlaneMatch>(ideal: &[M], error: Error) -> Refusal {
     let candidates = ideal.len();
     if M::spread(ideal) < MAX_LINE_ASPECT {
-        let reason = format!("the {candidates} matches lie on a line");
+        let reason = format!("the {candidates} matches lie on a line ({})", width_of(M::spread(ideal)));
         return Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) };
     }
     Refusal::new(RefusalKind::NoPlane, format!("no common plane: none of {candidates} matches agree on one"), None)
 }
 
+/// How far points are from telling a plane, in words.
+fn width_of(spread: f64) -> String {
+    format!("{:.1} % as wide as long, {:.0} % needed", 100.0 * spread, 100.0 * MAX_LINE_ASPECT)
+}
+
 /// What is wrong with a plane found, whose matches spread by this ratio of width to length.
-fn refused<M: PlaneMatch>(found: &RobustHomography, ideal: &[M], spread: f64, min_matches: usize) -> Option<Refusal> {
+fn refused<M: PlaneMatch>(
+    found: &RobustHomography,
+    ideal: &[M],
+    spread: f64,
+    (min_matches, static_px): (usize, f64),
+) -> Option<Refusal> {
     let (agreeing, candidates) = (found.inliers.len(), ideal.len());
     if spread < MAX_LINE_ASPECT {
-        let reason = format!("the {agreeing} matches that agree lie on a line");
+        let reason = format!("the {agreeing} matches that agree lie on a line ({})", width_of(spread));
         let error = Error::DegeneratePoints { count: agreeing, spread_ratio: M::spread(ideal) };
         return Some(Refusal { error: Some(Box::new(error)), ..Refusal::new(RefusalKind::NoPlane, reason, None) });
     }
@@ -311,7 +321,8 @@ fn refused<M: PlaneMatch>(found: &RobustHomography, ideal: &[M], spread: f64, mi
         return Some(Refusal::new(RefusalKind::NoPlane, reason, None));
     }
     if found.is_static {
-        let reason = format!("nothing moved: {agreeing} of {candidates} matches stand still");
+        let reason =
+            format!("nothing moved: {agreeing} of {candidates} matches stand still, to {static_px} px in the median");
         return Some(Refusal::new(RefusalKind::Static, reason, None));
     }
     None

@@ -9,17 +9,23 @@
 use nalgebra::{Vector2, Vector3};
 
 use crate::{
-    geometry::{homography::Homography, intrinsics::Intrinsics, lens::Lens},
+    geometry::{camera::Camera, homography::Homography, intrinsics::Intrinsics, lens::Lens},
     pairs::correspondence::PointMatch,
 };
 
 /// A lens, and the camera matrix through which it acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PlacedLens {
+pub(crate) struct PlacedLens {
     /// The lens.
-    pub lens: Lens,
+    pub(crate) lens: Lens,
     /// Focal length and centre.
-    pub intrinsics: Intrinsics,
+    pub(crate) intrinsics: Intrinsics,
+}
+
+/// A match as a camera of the same matrix without distortion would have given it, its deviation magnified as the lens was undone; `None` also
+/// for what that camera would not have seen.
+pub fn ideal_match(camera: &Camera, m: &PointMatch) -> Option<PointMatch> {
+    PlacedLens { lens: camera.lens, intrinsics: camera.intrinsics }.ideal_match(m)
 }
 
 impl PlacedLens {
@@ -36,7 +42,7 @@ impl PlacedLens {
     }
 
     /// A match as an ideal lens would have given it, its deviation magnified as the lens was undone.
-    pub fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
+    pub(crate) fn ideal_match(&self, m: &PointMatch) -> Option<PointMatch> {
         let (a, b) = (self.ideal_point(&m.a)?, self.ideal_point(&m.b)?);
         let magnification = |ideal: &Vector2<f64>| {
             let ray = self.intrinsics.normalised_from_pixel(ideal).push(1.0);

@@ -235,7 +235,7 @@ mod tests {
             let k = scene.intrinsics;
             let frame = Frame::new(scene.size, None);
             let pairs = scene.pairs();
-            let motions: Vec<&[PointMatch]> = pairs.iter().map(|p| p.pair.matches.as_slice()).collect();
+            let motions: Vec<&[PointMatch]> = pairs.iter().map(|p| p.matches.as_slice()).collect();
             let start = PlacedLens { lens: Lens::None, intrinsics: k };
             let prior = LensPrior { k1_sigma: 100.0, k2_sigma: 100.0, centre_sigma: 0.001 };
             let found = estimate_lens(&motions, &frame, &start, &prior).expect("determined");

@@ -1,4 +1,12 @@
 //! A homography from matches with outliers: robust search, then the gold standard on the inliers.
+//!
+//! ```text
+//! d² = Sampson's squared distance of a match / (σ_max σ_i)²          inlier: d² < min(q s², 9.21)
+//! s² = median d² / (2 ln 2) at first, then (σ̂ / σ_max)²,   at least (0.001 px / σ_max)²
+//! ```
+//!
+//! q: 99.73 % of chi-squared with two degrees of freedom (11.8); σ_max: the largest deviation thought possible; σ_i: the relative deviation stated of a
+//! match; σ̂: that of the fit. The search is that of `numerics::ransac`; cutting and fitting go round until the inliers stay the same.
 
 use nalgebra::{Matrix3, SVector};
 

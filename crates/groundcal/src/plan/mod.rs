@@ -14,7 +14,7 @@ mod search;
 pub use carriers::{Carrier, CarrierMotion};
 pub use planner::{PlannedMotion, Prediction, VarianceShares};
 pub use report::{Assumptions, PlanReport};
-pub use request::{MAX_MOTIONS, PlanRequest, RequestError};
+pub use request::{PlanRequest, RequestError};
 
 #[cfg(test)]
 mod tests;

@@ -23,7 +23,7 @@ const POINTS: f64 = 300.0;
 const MOTIONS: usize = 4;
 const MOTIONS_ADDED: usize = 2;
 /// The most motions of a plan.
-pub const MAX_MOTIONS: usize = 50;
+const MAX_MOTIONS: usize = 50;
 const IMAGE_SIZE: ImageSize = ImageSize { width: 1280, height: 960 };
 
 /// What is asked of a plan. `None` and empty: as usual, or as the calibration has it that is to be improved.
@@ -109,6 +109,10 @@ impl PlanRequest {
     /// ```
     pub fn report(&self, after: Option<&Calibration>, wording: &dyn Wording) -> Result<PlanReport, RequestError> {
         let known = after.map(Known::new).transpose()?;
+        if let Some(motions) = self.motions.filter(|n| !(1..=MAX_MOTIONS).contains(n)) {
+            let expected = format!("a whole number from 1 to {MAX_MOTIONS}");
+            return Err(RequestError::OutOfRange { field: "motions", value: motions as f64, expected });
+        }
         let height_of_calibration = after.and_then(|c| c.camera_height_m);
         let motion = self.motion(self.height_m.or(height_of_calibration).unwrap_or(self.carrier.height_m()))?;
         let options = match &known {

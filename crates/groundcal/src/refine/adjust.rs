@@ -1,5 +1,14 @@
 //! The joint refinement as a loop of named steps: minimise; weigh the observations; estimate the variance components; and, when
 //! all of these have converged, covariances and the shape of the likelihood.
+//!
+//! ```text
+//! C = κ N⁻¹ + extra,      κ = n / (n - 2) · u · p² · m
+//! ```
+//!
+//! N: reduced information at the minimum; n: degrees of freedom, whose factor is the variance of Student's distribution (2 for n up to 4); u: by how
+//! much attitudes disagree beyond a σ_a that was given (`variance_components`); p: widening where the likelihood is no parabola (`profile`); m: of
+//! deviations that were stated wrongly (`reweight`); extra, of the first camera: variances of what pictures depart by, and of a lens off the axis
+//! (`lever`).
 
 use nalgebra::Vector2;
 

@@ -1,6 +1,14 @@
 //! Covariances of a solution: cameras, rig poses, and what is reported of groups and frames, turned into angles and positions in a
 //! world that begins at the first frame of a connected set.
 //!
+//! ```text
+//! cov(f) = κ G N⁻¹ Gᵀ,        G = ∂f/∂columns
+//! f of a view:  pitch, roll,  ψ - ψ₀,  Rz(-ψ₀) ((x, y) - (x₀, y₀)),  h            f of a group:  pitch, roll, h
+//! ```
+//!
+//! N: the reduced information (`elimination`); κ: by how much more the variances are than its inverse says (`adjust`); ψ₀, (x₀, y₀): heading and place
+//! of the frame where the world begins.
+//!
 //! The world's +X is that frame's heading, which an error of its attitude turns (by tan(pitch) times the error about the heading):
 //! the covariance of every other frame's yaw and position has it. Derivatives are central differences, of closed forms.
 

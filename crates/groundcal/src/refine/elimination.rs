@@ -1,8 +1,13 @@
 //! Elimination of the points, one track after the other, and the reduced equations that are left.
 //!
-//! A track's residuals r with their derivatives J by the blocks and P by its point are multiplied by Qᵀ of P = Q R; the rows below
-//! R do not contain the point any more and make the reduced normal equations (the Schur complement, Triggs et al. 2000, in its
-//! numerically better square-root form; of long tracks JᵀJ less the rows of R), the rows of R give the point back.
+//! ```text
+//! P = Q [R; 0],   Qᵀ [J r] = [J₁ r₁; J₂ r₂]           N = Σ J₂ᵀJ₂ = Σ (JᵀJ - J₁ᵀJ₁),   g = Σ J₂ᵀr₂ = Σ (Jᵀr - J₁ᵀr₁)
+//! N Δ = -g,       R Δq = -(r₁ + J₁ Δ)
+//! ```
+//!
+//! of a track's residuals r with their derivatives J by the blocks and P by its point, two columns; sums over tracks, Δ the step of the blocks and Δq
+//! that of a point. The rows J₂, r₂ do not contain the point any more and make the reduced normal equations: the Schur complement (Triggs et
+//! al. 2000) in its numerically better square-root form, of long tracks as the difference. The rows J₁, r₁ give the point back.
 
 use multiversion::multiversion;
 use nalgebra::{DVector, Vector2};
@@ -329,7 +334,7 @@ impl Reduced {
         of_tracks
     }
 
-    /// Adds a prior: `sign` times the column's step adds to a value of a deviation.
+    /// Adds a prior of standard deviation `sigma` on a number that is `value` off its mean, to which `sign` times the column's step adds.
     pub(crate) fn add_prior(&mut self, column: usize, sign: f64, value: f64, sigma: f64) {
         let weight = 1.0 / (sigma * sigma);
         self.cost += 0.5 * weight * value * value;

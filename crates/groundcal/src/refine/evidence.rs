@@ -1,14 +1,22 @@
 //! How well a model explains what it was refined on: the logarithm of its evidence, for comparing models of the same tracks.
 //!
 //! ```text
-//! -2 ln E = Σ_kinds N ln s²  +  Σ_D (d / σ)²  +  ln |C_prior,D|  -  ln |C_D|  -  2 ln e(σ_a, σ_h)
+//! -2 ln E = Σ_kinds (N / D) ln s²  +  Σ (d / σ)²  +  V
+//! V       = Σ ln σ²  -  ln |C|  -  2 ln m
+//!
+//! gain of 1 over 0 = Σ_kinds (N₁ / D₁) ln (s₀² / s₁²)  +  Σ₀ (d / σ)² - Σ₁ (d / σ)²  +  V₀ - V₁
 //! ```
 //!
-//! N is the number of degrees of freedom of a kind over its design effect, s² the variance of its residuals (profile likelihood of
-//! the noise); D are all numbers that have a prior: those of the cameras, and the random_effects of the frames' attitudes and heights. C_D is
-//! their covariance given all, so that the determinants are the volume that the data leave over the volume that was allowed
-//! beforehand: a wide prior, or a large σ_a, has to earn its width. What has no prior is profiled, as in restricted likelihood.
-//! e is the mean likelihood of σ_a and σ_h over their own priors, over that of the values in force.
+//! N: degrees of freedom of the residuals of a kind; s²: their variance in units of the expected, at least 0.04 (the noise is profiled, not
+//! integrated out); D: their design effect. d: a number that has a prior, less its mean; σ: the prior's standard deviation. These are numbers of
+//! the cameras and the random effects: attitude and height errors, departures. C: covariance of the d with all other numbers free and the points
+//! eliminated. So Σ ln σ² - ln |C| is the volume that the priors allow over the volume that the data leave of it, as twice a logarithm: a wide
+//! prior, or a large σ_a, has to earn its width. What has no prior is profiled, as in restricted likelihood. m: likelihood of the variance
+//! components σ_a, σ_h and those of departures, averaged over their priors, over that of the values in force.
+//!
+//! A gain counts both variances with the N and D of the model that is asked about: what neighbours have in common under the other model and
+//! not under this one is what this one explains. So the gain of 1 over 0 is not the gain of 0 over 1 with the other sign. Positive
+//! speaks for the model; a gain of 2 ln x is odds of x.
 
 use crate::numerics::skyline::SkylineCholesky;
 use crate::refine::{
@@ -21,9 +29,9 @@ const MIN_VARIANCE: f64 = 0.04;
 /// The parts of a model's evidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Evidence {
-    /// Sum of squares of what has a prior, in its deviations.
+    /// Σ (d / σ)² over the numbers that have a prior.
     squares: f64,
-    /// The rest of -2 ln of the part of priors and variance components ([`volumes`]).
+    /// V ([`volumes`]).
     pub(crate) volumes: f64,
     /// Degrees of freedom of each kind, and the variance of its residuals.
     residuals: [(f64, f64); KINDS],
@@ -75,8 +83,8 @@ fn ln_variance(variance: f64) -> f64 {
     variance.max(MIN_VARIANCE).ln()
 }
 
-/// What -2 ln E has beside squares: volumes that the priors allow over those that the data leave, and the mean over the variance components. `None` where
-/// the information of what has no prior is singular.
+/// V of the header: volume that the priors allow over that which the data leave, and the mean over the variance components. `None` where the
+/// information of what has no prior is singular.
 pub(crate) fn volumes(
     problem: &Problem,
     state: &State,
@@ -90,7 +98,7 @@ pub(crate) fn volumes(
         free[d.column] = false;
         sum += 2.0 * sigma.ln();
     }
-    // ln |C_D| = ln |information of the others| - ln |information of all|.
+    // ln |C| = ln |information of the others| - ln |information of all|.
     let others: Vec<usize> = (0..free.len()).filter(|&column| free[column]).collect();
     let of_others = linearised.information.restricted(&others).cholesky(0.0)?.log_determinant();
     Some(sum + factor.log_determinant() - of_others)

@@ -1,20 +1,20 @@
 //! A camera taken to turn on the spot whose lens is off the axis of turning, before things that are not all far away.
 //!
 //! ```text
-//! x = R q - ρ l,     l: the lens from the axis in camera coordinates, alike in all pictures;  ρ = ρ' + u: inverse distance of the point
+//! x = R q - ν l,     l: the lens from the axis in camera coordinates, alike in all pictures;  ν = ν' + u: inverse distance of the point
 //! g = Cᵀ M r,  D = Cᵀ M C  of each point;      W = Σ (g gᵀ - D),      λ² = eᵀ W e / Σ (eᵀ D e)²
 //! ```
 //!
 //! What l does at one distance for all points is nearly what a longer lens on the axis does, and is in no residual. What remains is that
 //! near things move against far ones, and that is looked for in two ways:
 //!
-//! - distances that follow from the direction, as those of a floor do: ρ = a + bᵀ q makes ρ l linear in twelve numbers, whose score says
+//! - distances that follow from the direction, as those of a floor do: ν = a + bᵀ q makes ν l linear in twelve numbers, whose score says
 //!   whether the residuals ask for them, and by how much the camera is wrong for leaving them out;
 //! - distances of each point's own: along e, the direction of l, the residuals have the further variance λ² = |l|² var(u), for which the
 //!   expectation of W, zero without it, is the score (of a variance: Chesher 1984, *Testing for neglected heterogeneity*). From λ follows,
 //!   with distances that vary as those of rooms do, how far the camera is wrong.
 //!
-//! What the camera is wrong by goes into its error bars. C: derivatives of a point's observations by ρ l; M takes the direction of the
+//! What the camera is wrong by goes into its error bars. C: derivatives of a point's observations by ν l; M takes the direction of the
 //! point out; r: residuals.
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SymmetricEigen, Vector3};
@@ -32,7 +32,7 @@ use crate::{
 
 /// Probability below which parallax is not put down to chance; along any of three directions.
 const LEVER_P: f64 = 1e-3;
-/// Standard deviation, beforehand, of the numbers of ρ l: 3 mm over a floor 1.5 m below are 0.002, a tripod head's 5 cm before things 5 m away
+/// Standard deviation, beforehand, of the numbers of ν l: 3 mm over a floor 1.5 m below are 0.002, a tripod head's 5 cm before things 5 m away
 /// 0.01, an arm's length in a room 0.2, which is then seen.
 const PARALLAX_SIGMA: f64 = 0.01;
 /// Standard deviation of inverse distances over their mean. (Seen from above, the inverse distances of the points of a floor are spread evenly

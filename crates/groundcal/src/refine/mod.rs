@@ -1,11 +1,12 @@
 //! Joint refinement of cameras, lenses, attitudes, frames and points: planar bundle adjustment.
 //!
 //! ```text
-//! minimise   Σ_tracks Σ_images ρ( |x_t - π(K, k, R, t, A_g, δ_f, ψ_f, c_f, q_t)|²_Λ )
+//! minimise   Σ_tracks Σ_images huber( |x_qf - π(K, k, R, t, A_g, δ_f, ψ_f, c_f, q)|²_Λ )
 //!          + Σ_f |δ_f|² / σ_a²  +  Σ_f (ln h_f - ln h_g)² / σ_h²  +  Σ_i (p_i - p̄_i)² / σ_i²
 //! ```
 //!
-//! with π of `residual`, Huber's ρ, Λ the inverse covariance of an observation. σ_a, the attitude error of each frame against
+//! with x_qf the pixel at which frame f shows the point q of a track, π of `residual`, (K, k) a camera and its lens, (R, t) its pose in the rig,
+//! c_f = (x, y, h) the optical centre, huber the loss (|r|² up to a limit, linear in |r| beyond), Λ the inverse covariance of an observation. σ_a, the attitude error of each frame against
 //! that of its group, and σ_h, how far its height does, are variance components: 0 for exact plane-normal motion at constant
 //! height (KZR's model), infinite for general motion (Triggs 1998); where nothing is said of them they are estimated by restricted
 //! likelihood.

@@ -1,4 +1,12 @@
 //! The least squares problem of the joint refinement: observations, priors, cost, linearisation and steps.
+//!
+//! ```text
+//! J = ½ Σ_o w_o |U_o (π_o - x_o)|²  +  ½ Σ_d (d / σ_d)²,        U_oᵀ U_o = Λ_o
+//! ```
+//!
+//! x_o: a pixel, Λ_o the inverse of its covariance; π_o: where the model sees the point (`residual`); w_o: weight of the kind of measurement times
+//! that of the loss, held while the cost is minimised (`reweight`); d: a number that has a prior, less its mean, σ_d the prior's deviation. A point
+//! q moves in its tangent plane, q ← (q + a u + b v) / |…|, so that it takes two columns.
 
 use nalgebra::{DVector, Matrix2, SVector, Vector2, Vector3};
 use rayon::prelude::*;
@@ -273,7 +281,7 @@ impl Problem {
         state.frames.iter().zip(&self.layout.frames).flat_map(of_frame).collect()
     }
 
-    /// Every prior as a deviation and its standard deviation.
+    /// Every prior: by how much its number is off the mean, and its standard deviation.
     pub(crate) fn priors(&self, state: &State) -> Vec<(RandomEffect, f64)> {
         let mut out = Vec::new();
         for ((camera, unknowns), block) in state.cameras.iter().zip(&self.cameras).zip(&self.layout.cameras) {

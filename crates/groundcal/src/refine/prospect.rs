@@ -1,13 +1,13 @@
 //! How much better an alternative would explain the tracks, from the problem linearised once where it was minimised without it.
 //!
 //! ```text
-//! -2 ln E - (-2 ln E')  ~=  2 (c - c' + d)  +  V - V'
+//! gain = 2 (J - J' + ΔJ)  +  V - V'        J = ½ (Σ |r|² + Σ (d / σ)²)
 //! ```
 //!
-//! c: cost; c': cost with the alternative's unknowns and priors at the same state; d: the decrease that a full step promises; V: what
-//! -2 ln E ([`crate::refine::evidence`]) has beside the squares, the volumes of what is estimated and the mean over the variance components, after the
-//! step. To first order that is the gain in evidence. A full refinement gains more where weights of the loss follow, and in the model's curvature.
-//! The same step says where the camera would be.
+//! J: cost at the solution, of weighted residuals r and priors; J': cost at the same state with the unknowns and priors of the alternative; ΔJ: by how
+//! much one full step with these lowers it, the model being linear; V, V': volumes of priors and variance components as in
+//! [`crate::refine::evidence`], V' after the step. To first order that is the gain in evidence. A full refinement gains more where the weights
+//! of the loss follow, and in the model's curvature. The same step says where the camera would be.
 
 use nalgebra::{DMatrix, DVector};
 

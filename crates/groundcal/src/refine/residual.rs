@@ -1,17 +1,19 @@
 //! A camera's view of a point: the residual's model and its derivatives by each block.
 //!
 //! ```text
-//! x = R (A D(δ) Rz(-yaw - v w) B q) + W t,     pixel = e^φ (K lens(x) - c) + c + s
+//! y = R (A D(δ) Rz(-ψ - v w) B q) + W t,     pixel = e^φ (K lens(y) - p) + p + s
 //!
-//! floor:       q = (X, Y, W) homogeneous point of the plane,  B q = (X - W cx, Y - W cy, -W h)
+//! floor:       q = (X, Y, W) homogeneous point of the plane,  B q = (X - W x, Y - W y, -W h)
 //! directions:  q = direction of a point far away,             B q = q,  W = 0
 //! D(δ) = Rx(δ1) Ry(δ2)
 //! ```
 //!
-//! φ, w and s are the departures of the frame's picture: of its ln f, turn while it is read out (v: row from the middle, -1 to 1), shift.
-//! (R, t) is the camera's pose in the rig, A the attitude of the frame's group, D the frame's own error of it about two axes across
-//! the plane's normal, (cx, cy, h) its optical centre. Homogeneous points pass the horizon without a jump, and a motion without
-//! translation is the same in both models. A moves as A Rx(a1) Ry(a2), R as exp(r) R, so that no attitude is singular.
+//! The camera: K its matrix, p = (cx, cy) the principal point, (R, t) its pose in the rig. The frame: ψ its yaw, (x, y, h) its optical centre,
+//! A the attitude of its group, D its own error of that about two axes across the plane's normal. The departures of its picture: φ of ln f, w a
+//! turn while it is read out (v: row from the middle, -1 to 1), s a shift. y is the point in camera coordinates, of any length.
+//!
+//! Homogeneous points pass the horizon without a jump, and a motion without translation is the same in both models. A moves as
+//! A Rx(a1) Ry(a2), R as exp(r) R, so that no attitude is singular.
 
 use std::borrow::Cow;
 

@@ -1,7 +1,7 @@
 //! Weights of the observations: the noise of each kind, what neighbours have in common, and the loss.
 //!
 //! ```text
-//! weight = Λ ρ(r) / (s² D),       s² = Σ ρ r² / degrees of freedom,       ρ = min(1, limit / |r|)                        (Huber 1964)
+//! weight = Λ g(r) / (s² D),       s² = Σ g |r|² / degrees of freedom,       g = min(1, limit / |r|)                      (Huber 1964)
 //! D = Σ_cells |Σ r|²  /  Σ_cells 2 n s² (1 - 1/m) (c - 8/p) / c           1 where chance exceeds it with more than one in a hundred
 //! ```
 //!
@@ -78,8 +78,9 @@ impl WeightEstimate {
         }
     }
 
-    /// The variance of single residuals of each kind, in the units of [`Self::white`], at which the weights of the loss would converge, the residuals
-    /// being as they are. The rounds stop before: half a per cent of ten thousand residuals is 50 of twice a logarithm of evidence.
+    /// The variance of single residuals of each kind, in the units of [`Self::white`], at which the weights of the loss would converge if the
+    /// residuals stayed as they are. The rounds stop within half a per cent of it, which the evidence of ten thousand residuals would show as a
+    /// difference of 50.
     pub(crate) fn at_fixed_point(
         &self,
         problem: &Problem,

@@ -1,4 +1,14 @@
-//! Variance components: how far attitudes and heights of frames vary from those of their groups, by restricted likelihood.
+//! Variance components: how far attitudes and heights of frames vary from those of their groups, and pictures depart from each other, by
+//! restricted likelihood.
+//!
+//! ```text
+//! ln L(σ) = ½ Σ_j ( σ² r_j² / (1 + σ² l_j) - ln (1 + σ² l_j) )          σ̂² = ∫ σ² L p dσ / ∫ L p dσ          m = ∫ L p dσ / (L(σ in force) ∫ p dσ)
+//! χ²(σ)   = Σ_j r_j² / (l_j (1 + σ² l_j))                                p(σ) ∝ 1 / (1 + σ² / scale²)                        (Gelman 2006)
+//! ```
+//!
+//! of random effects δ ~ N(0, σ² I) of one kind. Q: their information from the data alone, everything else eliminated; l_j its eigenvalues, r_j the
+//! components of Q δ* along its eigenvectors, δ* being the effects that fit best without a prior. Attitude errors whose χ² is too large for the σ_a
+//! that was given widen the covariances by χ² over its degrees of freedom.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -52,7 +62,7 @@ pub(crate) fn disagreement((chi_squared, degrees_of_freedom): (f64, usize)) -> f
     }
 }
 
-/// The two components of the model.
+/// The components of the model.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct VarianceComponents {
     /// σ_a, radians.

@@ -138,7 +138,7 @@ impl Camera {
     }
 
     /// The camera matrix.
-    pub fn intrinsics(&self) -> Intrinsics {
+    pub(crate) fn intrinsics(&self) -> Intrinsics {
         Intrinsics { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, skew: self.skew }
     }
 

@@ -11,7 +11,7 @@ use crate::geometry::parameters::Parameter;
 /// ```
 /// # use groundcal::{ImagePair, Options, Silent, calibrate_matches, synthetic::PointScene};
 /// # let scene = PointScene::nominal(0);
-/// # let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+/// # let pairs: Vec<ImagePair> = scene.pairs();
 /// # let names: Vec<String> = (0..6).map(|i| format!("view {i}")).collect();
 /// # let calibration = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)?;
 /// use groundcal::Parameter;

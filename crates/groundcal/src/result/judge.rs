@@ -320,7 +320,7 @@ mod tests {
     #[test]
     fn one_account_of_a_misfit_is_given_and_two_are_none() {
         let scene = PointScene::nominal(1);
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
         let c = calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).expect("a camera");
         let departs =

@@ -1,6 +1,15 @@
 //! Motions of one attitude repeat the same two equations, so they are joined before anything is counted or solved.
 //!
-//! Circular points that agree within their covariances (four degrees of freedom) become one, their weighted mean.
+//! ```text
+//! d² = (x_a - x_b)ᵀ (C_a + C_b)⁻¹ (x_a - x_b)             one attitude: below 18.5 (99.9 % of chi-squared, four degrees of freedom)
+//! x = C Σ C_i⁻¹ x_i,   C = (Σ C_i⁻¹)⁻¹ · m / (V - 1) · χ² / (4 (m - 1))
+//! ```
+//!
+//! x: tangent coordinates of a circular point (its conjugate is the same point), C their covariance. m motions among V images repeat the noise of
+//! V - 1 of them: the factor is 1 where they are no more. χ², the sum of squared distances of the members from the mean, each by its own
+//! covariance, widens where chance exceeds it with less than one in a hundred.
+//!
+//! Circular points that agree within their covariances become one, their weighted mean.
 //! Without this, twenty noisy copies of one attitude look like twenty slightly different attitudes, and the noise between
 //! them passes for information on the principal point.
 

@@ -1,9 +1,15 @@
 //! The largest set of plane-normal motions that one camera explains.
 //!
-//! The largest set of motions whose circular points agree with one camera: every candidate founds a hypothesis, which
-//! grows by the candidate that one camera explains best (logarithm of the odds of "on the conic of this camera", with the
-//! camera's own uncertainty, against "anywhere"), is refitted after each, and is scored by the sum of these. An image has
-//! one attitude, so motions that share an image must have the same circular point.
+//! ```text
+//! score of a set = Σ_i ( ln π N₂(r_i; 0, C_i)  +  ln m(ρ_i)  -  ln n )         needed: 3 + 2 ln n
+//! m(ρ) = Σ_k share_k N(ln ρ; 0, s_k² + σ²) / N(ln ρ; 0, 0.3² + σ²)
+//! ```
+//!
+//! Every candidate founds a set, for which the first term of its own is left out. The set grows by the candidate that its camera explains best: r
+//! is the residual of the circular point on the camera's conic, C its covariance, the camera's own uncertainty included, and anywhere else r would
+//! be uniform over the unit disc. It must lie within [`ConsistencyOptions::gate`], rᵀ C⁻¹ r, and its terms must add to the score. The camera is
+//! refitted after each. n: candidates (left out for images that follow each other in a sequence); σ: standard deviation of ln ρ;
+//! share_k, s_k: how cameras keep their height. An image has one attitude, so motions that share an image must have the same circular point.
 //!
 //! A head that tilts about its optical centre also gives circular points on the conic, those of the planes across its tilt
 //! axis. They are told from the floor's by the horizon: a floor lies on one side of it. Motions with points on both sides
@@ -108,7 +114,7 @@ struct Search<'a> {
     motions: &'a [Motion],
     priors: Priors,
     options: &'a ConsistencyOptions,
-    /// Squared attitude distances for a middling camera.
+    /// Squared attitude distances, seen through the focal length that the search begins with.
     distances: Vec<Vec<f64>>,
 }
 
@@ -159,10 +165,10 @@ impl Search<'_> {
         order + height_log_odds(m.geometry.height_ratio, m.geometry.height_ratio_sigma)
     }
 
-    /// Whether a candidate contradicts a set whose images carry the labels of the parts they are joined to. Images joined by
-    /// motions share one attitude, so every candidate among them, member or not, must have the circular point of the one to
-    /// be added: of three images of which two share an attitude, the two false pairs may well agree with each other, but not
-    /// with the true one.
+    /// Whether a candidate contradicts a set; `labels` says of each image to which connected part of the set it belongs. Images that motions
+    /// connect share one attitude. With the candidate its two parts become one, so every candidate between images of that part, in the set or
+    /// not, must have the same circular point. (Of three images of which two share an attitude, the two wrong pairs may well agree with each
+    /// other, but not with the right one.)
     fn conflicts(&self, index: usize, labels: &[usize]) -> bool {
         let new = &self.motions[index];
         let label = |image: ImageId| labels[image.index()];

@@ -28,7 +28,7 @@ use crate::{
 /// Fewest views: two leave the focal length and the tilt of the plane to be traded for each other.
 const MIN_VIEWS: usize = 3;
 /// Pairs of an image that are used, those of most matches: what more of them say is known by way of the others.
-const PAIRS_PER_IMAGE: usize = 8;
+pub(crate) const PAIRS_PER_IMAGE: usize = 8;
 
 /// Options of [`select_general`].
 #[derive(Debug, Clone, Copy)]

@@ -92,7 +92,10 @@ pub(crate) fn select_plane_normal(
         let Ok(place) = candidates.binary_search(&id) else { return PairVerdict::NoMotion };
         match verdicts[place] {
             Verdict::Accepted => PairVerdict::Used { sides: motions[place].sides },
-            Verdict::WrongSides => PairVerdict::Rejected(Rejection::WrongSides),
+            Verdict::WrongSides => {
+                let beyond = minor_side(&pairs[id], &options.frame).unwrap_or(1.0);
+                PairVerdict::Rejected(Rejection::WrongSides { beyond, most: MINOR_SIDE })
+            }
             Verdict::Disagrees { sigmas } => PairVerdict::Rejected(Rejection::Disagrees { sigmas }),
             Verdict::OtherAttitude { motion, image, sigmas } => {
                 PairVerdict::Rejected(Rejection::OtherAttitude { pair: candidates[motion], image, sigmas })
@@ -126,10 +129,15 @@ fn check_single(motion: &Motion, background: usize) -> Result<(), Error> {
     })
 }
 
+/// Fraction of a motion's points on that side of the horizon it implies on which there are fewer.
+fn minor_side(pair: &PairObservation, frame: &Frame) -> Option<f64> {
+    let TurningPlane { geometry, .. } = pair.outcome.as_ref().ok()?;
+    Some(geometry.minor_side(pair.seen_in_first().map(|p| frame.frame_matrix() * p)))
+}
+
 fn motion_of(pair: &PairObservation, frame: &Frame) -> Option<Motion> {
     let TurningPlane { geometry, .. } = pair.outcome.as_ref().ok()?;
-    let points = pair.seen_in_first().map(|p| frame.frame_matrix() * p);
-    let sides = if geometry.minor_side(points) > MINOR_SIDE { HorizonSides::Both } else { HorizonSides::One };
+    let sides = if minor_side(pair, frame)? > MINOR_SIDE { HorizonSides::Both } else { HorizonSides::One };
     Some(Motion { from: pair.from, to: pair.to, geometry: geometry.clone(), sides })
 }
 

@@ -1,8 +1,12 @@
 //! Which pairs of views are rotations of a camera that turns on the spot, about any axes, before a scene of any shape (a
 //! panorama, a pan-tilt head).
 //!
-//! Then every pair's homography is K R K⁻¹, whatever the axis. That is told from a plane by a focal length that makes
-//! K⁻¹ H K a rotation for pairs of all images at once.
+//! ```text
+//! M_i = K⁻¹ H_i K,  det M_i = 1:        f = argmin Σ_i min(‖M_i M_iᵀ - I‖, 0.2)²         a rotation: ‖M Mᵀ - I‖ < 0.1
+//! ```
+//!
+//! Then every pair's homography H_i is K R K⁻¹, whatever the axis. That is told from a plane by a focal length f that makes M a rotation for
+//! pairs of all images at once: 81 are tried, from 0.3 to 6 image widths.
 
 use nalgebra::Matrix3;
 
@@ -91,10 +95,13 @@ fn selection_of(used: &[PairId], nearest: &Intrinsics, pairs: &[PairObservation]
     Selection::new(MotionKind::Turning { focal_px: nearest.fx }, pairs, |id| {
         if used.contains(&id) {
             PairVerdict::Used { sides: HorizonSides::Both }
-        } else if pairs[id].moving_plane().is_some() {
-            PairVerdict::Rejected(Rejection::NoRotation)
         } else {
-            PairVerdict::NoMotion
+            match rotation_residual(&pairs[id], nearest) {
+                // Of those that nothing joins with the others.
+                Some(misfit) if misfit < MAX_ROTATION_RESIDUAL => PairVerdict::Rejected(Rejection::Unconnected),
+                Some(misfit) => PairVerdict::Rejected(Rejection::NoRotation { misfit, most: MAX_ROTATION_RESIDUAL }),
+                None => PairVerdict::NoMotion,
+            }
         }
     })
 }

@@ -39,7 +39,12 @@ pub(crate) enum PairVerdict {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Rejection {
     /// Its points lie on both sides of the horizon it implies, where a floor explains the others.
-    WrongSides,
+    WrongSides {
+        /// Fraction of the points on the side of fewer.
+        beyond: f64,
+        /// The most that a floor has.
+        most: f64,
+    },
     /// Its circular point is this many standard deviations off the conic of the others.
     Disagrees {
         /// Infinite where no camera was found that it could agree with.
@@ -57,14 +62,24 @@ pub(crate) enum Rejection {
     /// With it no camera explains all motions together, and its points were furthest from the one that came out.
     LeftOut,
     /// No rotation under the camera that makes rotations of the others.
-    NoRotation,
+    NoRotation {
+        /// ‖M Mᵀ - I‖ of its M = K⁻¹ H K.
+        misfit: f64,
+        /// The most that passes for a rotation.
+        most: f64,
+    },
     /// The method uses one motion, and another has more matches.
-    OneMotionOnly,
+    OneMotionOnly {
+        /// Its own matches on the plane.
+        matches: usize,
+        /// Those of the motion used.
+        of_used: usize,
+    },
     /// It is none of the pairs named as the motions.
     NotNamed,
-    /// Its images are joined by pairs of more matches.
+    /// Its images are joined by pairs of more matches, [`crate::select::general::PAIRS_PER_IMAGE`] of each.
     Redundant,
-    /// No plane joins its images with the others.
+    /// No pair used joins its images with the others.
     Unconnected,
     /// Its points are not of the plane that the others show.
     OtherPlane,
@@ -129,10 +144,12 @@ impl Selection {
     }
 
     /// The same with this motion alone.
-    pub(crate) fn with_one(mut self, id: PairId) -> Self {
+    pub(crate) fn with_one(mut self, id: PairId, pairs: &[PairObservation]) -> Self {
+        let matches_of = |index: usize| pairs[PairId::new(index)].plane().map_or(0, |plane| plane.estimate.matches);
         for (index, verdict) in self.verdicts.iter_mut().enumerate() {
             if index != id.index() && matches!(verdict, PairVerdict::Used { .. }) {
-                *verdict = PairVerdict::Rejected(Rejection::OneMotionOnly);
+                let (matches, of_used) = (matches_of(index), matches_of(id.index()));
+                *verdict = PairVerdict::Rejected(Rejection::OneMotionOnly { matches, of_used });
             }
         }
         self
@@ -179,7 +196,7 @@ mod tests {
             robust: RobustOptions::default(),
             seed: 0,
         };
-        let pairs = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs = scene.pairs();
         observe(pairs, None, &options, &Silent).expect("not stopped")
     }
 
@@ -187,7 +204,7 @@ mod tests {
     fn the_motions_are_those_that_the_pairs_show_now() {
         let mut pairs = observed(&PointScene::nominal(3));
         let selection = Selection::new(MotionKind::PlaneNormal, &pairs, |id| match id.index() {
-            0 => PairVerdict::Rejected(Rejection::WrongSides),
+            0 => PairVerdict::Rejected(Rejection::WrongSides { beyond: 0.4, most: 0.05 }),
             _ => PairVerdict::Used { sides: HorizonSides::One },
         });
         let [first, second] = [1, 2].map(PairId::new);

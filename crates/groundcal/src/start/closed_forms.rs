@@ -1,4 +1,4 @@
-//! The closed forms in one call each: homographies in, a camera with its covariance out. For comparisons of methods; the calibrations
+//! The closed forms in one call: homographies in, a camera with its covariance out. For comparisons of methods; the calibrations
 //! proper call the solvers themselves, with lenses, priors and checks of the answer.
 
 use nalgebra::{Matrix3, SMatrix};
@@ -8,6 +8,7 @@ use crate::{
     geometry::{constraint::Constraint, frame::Frame, intrinsics::Intrinsics},
     numerics::linalg::{ComplexPoint, complex_pair_eigen},
     pairs::{circular_points::from_homography, refine::HomographyEstimate},
+    result::camera::Method,
     select::attitude_groups::{HorizonSides, Motion},
     start::{
         absolute_conic::{WeightedPoint, intrinsics_of, solve_unweighted},
@@ -69,11 +70,39 @@ fn motions(homographies: &[HomographyEstimate]) -> Vec<Motion> {
     homographies.iter().enumerate().filter_map(motion).collect()
 }
 
-/// The same camera with the noise of the homographies carried through it. Those that show no turn above their noise are left out.
+/// The camera of one of the methods that are solved in closed form, with the noise of the homographies carried through it: no lens, no
+/// priors, axes exactly normal. Homographies that show no turn above their noise are left out of the first two.
+///
+/// | [`Method`] | equations |
+/// |---|---|
+/// | `Kzr` | eᵀ ω e = 0 of every motion with weight one, as the paper has it (KZR 1.1) |
+/// | `Linear` | the same, each weighted by the noise of its homography |
+/// | `Rotating` | Hᵀ ω H = ω of turns about the camera's own centre with weight one (Hartley 1994) |
 ///
 /// # Errors
-/// Those of [`unweighted_camera`]; [`Error::InvalidInput`] for none, or of different frames.
-pub fn unweighted_camera_with_covariance(
+/// [`Error::InvalidOption`] for another method, and for [`Constraint::Auto`] with weights, which has priors; [`Error::InvalidInput`] for no
+/// homographies, or of different frames; too few attitudes or rotations, no real camera, or one that nothing is known of.
+pub fn closed_form(
+    method: Method,
+    homographies: &[HomographyEstimate],
+    constraint: Constraint,
+    aspect: f64,
+) -> Result<LinearCamera, Error> {
+    match method {
+        Method::Kzr => with_weight_one(homographies, constraint, aspect),
+        Method::Linear => weighted(homographies, constraint, aspect),
+        Method::Rotating => {
+            let options = RotatingOptions { constraint, aspect, weighting: Weighting::Uniform };
+            let found = calibrate_rotating(homographies, &options)?;
+            Ok(LinearCamera { intrinsics: found.intrinsics, covariance_px: found.covariance_px })
+        }
+        Method::Joint | Method::Transferred => Err(Error::InvalidOption(format!(
+            "homographies alone are solved in closed form by the methods kzr, linear and rotating, not by {method:?}"
+        ))),
+    }
+}
+
+fn with_weight_one(
     homographies: &[HomographyEstimate],
     constraint: Constraint,
     aspect: f64,
@@ -90,17 +119,7 @@ pub fn unweighted_camera_with_covariance(
     Ok(LinearCamera { intrinsics, covariance_px: to_pixels * covariance * to_pixels.transpose() })
 }
 
-/// The camera of plane-normal motions with each equation weighted by the noise of its homography, about exactly normal axes, with no
-/// priors. Homographies that show no turn above their noise are left out.
-///
-/// # Errors
-/// [`Error::InvalidOption`] for [`Constraint::Auto`]; [`Error::InvalidInput`] for no homographies, or of different frames; too few
-/// attitudes, no real camera or one that nothing is known of.
-pub fn weighted_camera(
-    homographies: &[HomographyEstimate],
-    constraint: Constraint,
-    aspect: f64,
-) -> Result<LinearCamera, Error> {
+fn weighted(homographies: &[HomographyEstimate], constraint: Constraint, aspect: f64) -> Result<LinearCamera, Error> {
     if constraint == Constraint::Auto {
         return Err(Error::InvalidOption("a camera without priors needs another constraint than auto".into()));
     }
@@ -115,19 +134,5 @@ pub fn weighted_camera(
         estimate_attitude_sigma: false,
     };
     let found = solve_camera(&motions(homographies), frame, &options)?;
-    Ok(LinearCamera { intrinsics: found.intrinsics, covariance_px: found.covariance_px })
-}
-
-/// The camera of turns about its own centre as Hartley (1994) has it: Hᵀ ω H = ω, every equation with weight one.
-///
-/// # Errors
-/// Too few rotations, no real camera, or one that nothing is known of.
-pub fn rotating_camera(
-    homographies: &[HomographyEstimate],
-    constraint: Constraint,
-    aspect: f64,
-) -> Result<LinearCamera, Error> {
-    let options = RotatingOptions { constraint, aspect, weighting: Weighting::Uniform };
-    let found = calibrate_rotating(homographies, &options)?;
     Ok(LinearCamera { intrinsics: found.intrinsics, covariance_px: found.covariance_px })
 }

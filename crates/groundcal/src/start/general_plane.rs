@@ -114,7 +114,7 @@ fn residual(form: &Matrix3<f64>, [u, v]: &[Vector3<f64>; 2]) -> [f64; 2] {
     let (a, b, c) = (u.dot(&(form * u)), v.dot(&(form * v)), u.dot(&(form * v)));
     let sum = (a + b).max(f64::MIN_POSITIVE);
     let (r, s) = ((a - b) / sum, 2.0 * c / sum);
-    // What is lost counts no more than `OUTLIER_RESIDUAL` (Geman and McClure).
+    // However far a view is off, it counts for no more than `OUTLIER_RESIDUAL` (Geman and McClure).
     let shrunk = (1.0 + (r * r + s * s) / (OUTLIER_RESIDUAL * OUTLIER_RESIDUAL)).sqrt();
     [r / shrunk, s / shrunk]
 }

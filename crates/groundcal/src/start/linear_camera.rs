@@ -1,7 +1,15 @@
 //! From plane-normal motions to the camera matrix with its covariance.
 //!
-//! Motions -> attitude groups -> weighted conic equations -> K (see [`crate::start::absolute_conic`]), repeated until the
-//! weights, which depend on K through the axis error, no longer change.
+//! ```text
+//! χ²(p) = Σ_g r_gᵀ C_g⁻¹ r_g  +  Σ_i (p_i - p̄_i)² / σ_i²            p = (ln fx, ln fy/fx, cx, cy, skew)
+//! cov(fx, fy, cx, cy, skew) = J Σ Jᵀ · max(1, χ² / n)               J = ∂(fx, fy, cx, cy, skew) / ∂p
+//! ln L(σ_a) = -½ (χ² + Σ_g ln |C_g| - ln |Σ|),   σ̂_a² = ∫ σ² L prior dσ / ∫ L prior dσ
+//! ```
+//!
+//! r_g: residual of the circular point of an attitude group on the conic, C_g its covariance, with σ_a about each axis
+//! ([`crate::start::absolute_conic`], which has Σ); p̄_i ± σ_i: priors. Groups and C_g depend on K through σ_a, so all is done three times. The
+//! factor on the covariance, n being the degrees of freedom, is 1 unless χ² is exceeded by chance with less than one in a hundred. σ_a is
+//! estimated where it is not given, from three groups and four degrees of freedom on.
 
 use nalgebra::SMatrix;
 
@@ -65,28 +73,27 @@ pub(crate) struct CameraOptions {
 
 /// A camera matrix and how sure it is.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct CameraSolution {
+pub(crate) struct CameraSolution {
     /// In pixels.
-    pub intrinsics: Intrinsics,
+    pub(crate) intrinsics: Intrinsics,
     /// Covariance of (fx, fy, cx, cy, skew) in pixels squared; zero rows for what was held.
-    pub covariance_px: SMatrix<f64, 5, 5>,
+    pub(crate) covariance_px: SMatrix<f64, 5, 5>,
     /// Which of (fx, fy, cx, cy, skew) were estimated.
-    pub estimated: [bool; 5],
+    pub(crate) estimated: [bool; 5],
     /// Priors used, and how much they counted.
-    pub priors: Vec<Prior>,
+    pub(crate) priors: Vec<Prior>,
     /// Attitudes and the motions that show them.
     pub(crate) groups: Vec<AttitudeGroup>,
     /// Sum of squared normalised residuals of the conic equations and priors.
-    pub chi_squared: f64,
+    pub(crate) chi_squared: f64,
     /// Its degrees of freedom.
-    pub degrees_of_freedom: usize,
+    pub(crate) degrees_of_freedom: usize,
     /// The standard deviation of the attitudes that the covariance was made with, in radians.
-    pub attitude_sigma_rad: f64,
+    pub(crate) attitude_sigma_rad: f64,
     /// Whether it was estimated from the motions.
-    pub attitude_sigma_estimated: bool,
+    pub(crate) attitude_sigma_estimated: bool,
     /// Factor on the covariance because the motions disagree by more than their noise (1: none).
-    pub variance_inflation: f64,
+    pub(crate) variance_inflation: f64,
 }
 
 /// Standard deviation of ln f above which focal length counts as undetermined: the interval would span a factor of 2.7.
@@ -440,12 +447,10 @@ fn in_pixels(groups: Vec<AttitudeGroup>, s: ConicSolution, options: &CameraOptio
         1.0
     };
     let jacobian = frame.pixels_by_logarithms(&intrinsics);
-    let free = options.constraint.free();
     CameraSolution {
         intrinsics,
         covariance_px: jacobian * s.covariance * jacobian.transpose() * variance_inflation,
-        // fy moves with fx when the ratio is held.
-        estimated: [free[0], free[0], free[2], free[3], free[4]],
+        estimated: options.constraint.estimated(),
         priors: options.prior_uses(frame, &s.covariance),
         groups,
         chi_squared: s.chi_squared,

@@ -12,8 +12,6 @@ pub(crate) mod transferred;
 pub(crate) mod unweighted_camera;
 
 pub use absolute_conic::{Constraint, residual_by_camera};
-pub use closed_forms::{
-    LinearCamera, rotating_camera, unweighted_camera, unweighted_camera_with_covariance, weighted_camera,
-};
-pub use linear_camera::{CameraSolution, GivenPrior, PriorParameter};
+pub use closed_forms::{LinearCamera, closed_form, unweighted_camera};
+pub use linear_camera::{GivenPrior, PriorParameter};
 pub use transferred::calibrate_transferred;

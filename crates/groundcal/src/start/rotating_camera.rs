@@ -385,12 +385,10 @@ fn finish(
     intrinsics.skew += 0.0;
     let mut to_pixels = SMatrix::<f64, 5, 5>::from_diagonal_element(frame.scale_px);
     (to_pixels[(0, 0)], to_pixels[(1, 0)], to_pixels[(1, 1)]) = (intrinsics.fx, intrinsics.fy, intrinsics.fy);
-    let f = constraint.free();
     Ok(RotatingSolution {
         intrinsics,
         covariance_px: to_pixels * covariance * to_pixels.transpose() * variance_inflation,
-        // fy moves with fx when the ratio is held.
-        estimated: [f[0], f[0], f[2], f[3], f[4]],
+        estimated: constraint.estimated(),
         rotations: reports,
         chi_squared,
         degrees_of_freedom,

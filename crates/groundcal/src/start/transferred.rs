@@ -16,7 +16,7 @@ use crate::{
     geometry::{constraint::Constraint, frame::Frame},
     numerics::linalg::{ComplexPoint, symmetric_eigen},
     pairs::{
-        circular_points::{NoCircularPoint, from_homography},
+        circular_points::{MAX_DIRECTION_SIGMA, MIN_SIGNIFICANCE, NoCircularPoint, from_homography},
         refine::HomographyEstimate,
     },
     remedy::Remedy,
@@ -73,11 +73,12 @@ pub fn calibrate_transferred(
         pairs: 1,
         reason: match why {
             NoCircularPoint::NoRotation { rotation_rad, significance } => format!(
-                "no rotation to be seen (eigenvalue angle {:.1} degrees, {significance:.1} sigma; 8 needed)",
+                "no rotation to be seen (eigenvalue angle {:.1} degrees, {significance:.1} sigma; {MIN_SIGNIFICANCE} needed)",
                 rotation_rad.to_degrees()
             ),
             NoCircularPoint::TooUncertain { sigma } => {
-                format!("circular point too uncertain (direction known to {:.0} degrees)", sigma.to_degrees())
+                let [known, needed] = [sigma, MAX_DIRECTION_SIGMA].map(f64::to_degrees);
+                format!("circular point too uncertain (direction known to {known:.0} degrees, {needed:.0} needed)")
             }
         },
         remedies: vec![Remedy::CLEAR_TURN],
@@ -134,11 +135,9 @@ pub(crate) fn camera_transferred(
         });
     }
     let to_pixels = frame.pixels_by_logarithms(&intrinsics);
-    let f = constraint.free();
     Ok(Transferred {
         camera: LinearCamera { intrinsics, covariance_px: to_pixels * covariance * to_pixels.transpose() },
-        // fy moves with fx when the ratio is held.
-        estimated: [f[0], f[0], f[2], f[3], f[4]],
+        estimated: constraint.estimated(),
         misfits,
     })
 }
@@ -223,7 +222,7 @@ mod tests {
     fn solve(scene: &PointScene, constraint: Constraint) -> Result<LinearCamera, Error> {
         let frame = Frame::new(scene.size, None);
         let fit = |matches: &[_]| refine(matches, None, &frame, &RefineOptions::default()).expect("a homography");
-        let all: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.pair.matches)).collect();
+        let all: Vec<HomographyEstimate> = scene.pairs().iter().map(|p| fit(&p.matches)).collect();
         calibrate_transferred(&all[0], &all[1..], constraint, scene.intrinsics.fy / scene.intrinsics.fx)
     }
 
@@ -263,7 +262,7 @@ mod tests {
         let scene = scene(0.5, 3);
         let frame = Frame::new(scene.size, None);
         let fit = |i: usize| {
-            refine(&scene.pairs()[i].pair.matches, None, &frame, &RefineOptions::default()).expect("a homography")
+            refine(&scene.pairs()[i].matches, None, &frame, &RefineOptions::default()).expect("a homography")
         };
         let motion = fit(0);
         let refused = |others: &[HomographyEstimate], constraint| {

@@ -12,6 +12,10 @@ use crate::{
     },
     numerics::linalg::inverse_spd,
     start::absolute_conic::Constraint,
+    synthetic::{
+        plane_views::{PlaneViewScene, PlaneViews},
+        points::PointScene,
+    },
 };
 
 /// Whether the height may change between the views of a motion.
@@ -38,9 +42,28 @@ fn match_jacobian(k: &Intrinsics, views: &[View; 2], point: &Vector2<f64>) -> Op
     Some(j)
 }
 
+impl PointScene {
+    /// The bound on the covariance of (fx, fy, cx, cy, skew) in pixels squared, zero rows for what the constraint holds; `None` when the
+    /// motions do not determine them.
+    pub fn bound(&self, constraint: Constraint, height: HeightModel) -> Option<SMatrix<f64, 5, 5>> {
+        let pairs = self.pairs_with_truth();
+        let motions: Vec<_> =
+            self.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
+        cramer_rao_bound(&self.intrinsics, &motions, self.sigma_px, constraint, height)
+    }
+}
+
+impl PlaneViewScene {
+    /// The same of views that moved in any way before a plane.
+    pub fn bound(&self, constraint: Constraint) -> Option<SMatrix<f64, 5, 5>> {
+        let PlaneViews { views, points, seen, .. } = self.views_with_truth();
+        plane_views_bound(&self.intrinsics, &views, (&points, &seen), self.sigma_px, constraint)
+    }
+}
+
 /// The bound on the covariance of (fx, fy, cx, cy, skew) in pixels squared, zero rows for what the constraint holds;
 /// `None` when the motions do not determine them. `motions` are pairs of views with the floor points both see.
-pub fn cramer_rao_bound(
+pub(crate) fn cramer_rao_bound(
     k: &Intrinsics,
     motions: &[([View; 2], &[Vector2<f64>])],
     sigma_px: f64,
@@ -103,7 +126,7 @@ const VIEW: usize = 6;
 /// The bound on the covariance of (fx, fy, cx, cy, skew) in pixels squared from views that moved in any way before a plane, zero rows for what the
 /// constraint holds; `None` when they do not determine it. `seen`: which of the points each view sees. The world is held by the turn and centre of
 /// the first view.
-pub fn plane_views_bound(
+fn plane_views_bound(
     k: &Intrinsics,
     views: &[View],
     (points, seen): (&[Vector2<f64>], &[Vec<bool>]),
@@ -149,14 +172,14 @@ pub fn plane_views_bound(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{geometry::plane_view::project, synthetic::points::PointScene};
+    use crate::geometry::plane_view::project;
     use nalgebra::Vector3;
 
     /// The same information from a dense Jacobian by central differences, nothing eliminated by hand.
     #[test]
     fn the_bound_agrees_with_finite_differences() {
         let scene = PointScene { matches: 12, sigma_px: 0.0, ..PointScene::nominal(4) };
-        let pairs = scene.pairs();
+        let pairs = scene.pairs_with_truth();
         let motions: Vec<([View; 2], &[Vector2<f64>])> =
             scene.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
         for height in [HeightModel::Constant, HeightModel::Free] {

@@ -38,15 +38,15 @@ pub struct PlaneViewScene {
 
 /// What a scene shows, with its truth.
 #[derive(Debug, Clone)]
-pub struct PlaneViews {
-    /// Matches of all pairs of views that share six points or more; a point has the same coordinates in all pairs of a view.
-    pub pairs: Vec<ImagePair>,
+pub(crate) struct PlaneViews {
+    /// The matches.
+    pairs: Vec<ImagePair>,
     /// Where each view was taken from.
-    pub views: Vec<View>,
+    pub(crate) views: Vec<View>,
     /// The points.
-    pub points: Vec<Vector2<f64>>,
+    pub(crate) points: Vec<Vector2<f64>>,
     /// Which points each view sees.
-    pub seen: Vec<Vec<bool>>,
+    pub(crate) seen: Vec<Vec<bool>>,
 }
 
 /// Part of the image's shorter half side that the plane fills, about.
@@ -70,8 +70,13 @@ impl PlaneViewScene {
         }
     }
 
-    /// The views and their matches.
-    pub fn views(&self) -> PlaneViews {
+    /// Matches of all pairs of views that share six points or more; a point has the same coordinates in all pairs of a view.
+    pub fn pairs(&self) -> Vec<ImagePair> {
+        self.views_with_truth().pairs
+    }
+
+    /// The same with their truth.
+    pub(crate) fn views_with_truth(&self) -> PlaneViews {
         let mut rng = Pcg64Mcg::seed_from_u64(self.seed.wrapping_mul(7_368_787).wrapping_add(11));
         let camera = Camera { size: self.size, intrinsics: self.intrinsics, lens: self.lens };
         let points: Vec<Vector2<f64>> =

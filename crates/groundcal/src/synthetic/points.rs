@@ -105,13 +105,14 @@ pub struct PointScene {
 
 /// The matches of one motion with their truth.
 #[derive(Debug, Clone)]
-pub struct SyntheticPair {
-    /// Noisy matches; views are numbered 2 i and 2 i + 1 for motion i.
-    pub pair: ImagePair,
+pub(crate) struct SyntheticPair {
+    /// Noisy matches.
+    pub(crate) pair: ImagePair,
     /// The floor points behind them.
-    pub floor_points: Vec<Vector2<f64>>,
+    pub(crate) floor_points: Vec<Vector2<f64>>,
     /// Which matches are not outliers.
-    pub is_inlier: Vec<bool>,
+    #[cfg(test)]
+    pub(crate) is_inlier: Vec<bool>,
 }
 
 impl PointScene {
@@ -146,9 +147,14 @@ impl PointScene {
         Homography::new(from_floor(&b) * from_floor(&a).try_inverse()?).ok()
     }
 
-    /// The matches of every motion. Points are drawn uniformly over the first image from what both views see of the
-    /// floor within reach; a motion that shows too little of it has fewer.
-    pub fn pairs(&self) -> Vec<SyntheticPair> {
+    /// The matches of every motion; views are numbered 2 i and 2 i + 1 for motion i. Points are drawn uniformly over the first image from
+    /// what both views see of the floor within reach; a motion that shows too little of it has fewer.
+    pub fn pairs(&self) -> Vec<ImagePair> {
+        self.pairs_with_truth().into_iter().map(|p| p.pair).collect()
+    }
+
+    /// The same with their truth.
+    pub(crate) fn pairs_with_truth(&self) -> Vec<SyntheticPair> {
         (0..self.motions.len()).map(|i| self.pair(i)).collect()
     }
 
@@ -164,6 +170,7 @@ impl PointScene {
         let mut out = SyntheticPair {
             pair: ImagePair { from: 2 * motion, to: 2 * motion + 1, matches: Vec::new() },
             floor_points: Vec::new(),
+            #[cfg(test)]
             is_inlier: Vec::new(),
         };
         let outliers = (self.outlier_fraction * self.matches as f64).round() as usize;
@@ -194,6 +201,7 @@ impl PointScene {
             };
             out.pair.matches.push(PointMatch { a: seen_a, b: seen_b, sigma_px: 1.0 });
             out.floor_points.push(point);
+            #[cfg(test)]
             out.is_inlier.push(!is_outlier);
         }
         out

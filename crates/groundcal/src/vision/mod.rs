@@ -9,5 +9,4 @@ pub(crate) mod still;
 
 pub use image::GrayImage;
 pub use mask::Mask;
-pub use patches::PatchOptions;
 pub use resample::{Depth, Pyramid, Raster, Resampled, resample};

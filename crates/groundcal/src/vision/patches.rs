@@ -23,21 +23,21 @@ use crate::{error::Error, observer::Observer, pairs::correspondence::PointMatch,
 
 /// How patches are sought.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PatchOptions {
+pub(crate) struct PatchOptions {
     /// Half the side of a patch in pixels: a patch has (2 r + 1)² pixels.
-    pub radius_px: usize,
+    pub(crate) radius_px: usize,
     /// About the most templates of an image, on a grid over all of it.
-    pub max_patches: usize,
+    pub(crate) max_patches: usize,
     /// Most Gauss-Newton steps.
-    pub max_iterations: usize,
+    pub(crate) max_iterations: usize,
     /// Largest shift from the predicted place, in pixels.
-    pub max_shift_px: f64,
+    pub(crate) max_shift_px: f64,
     /// Largest predicted standard deviation of either coordinate, in pixels: less texture than that is left out.
-    pub max_sigma_px: f64,
+    pub(crate) max_sigma_px: f64,
     /// Least correlation coefficient of template and matched patch.
-    pub min_correlation: f64,
+    pub(crate) min_correlation: f64,
     /// Standard deviation added to the predicted one (interpolation, aliasing, a floor that is not quite flat), in pixels.
-    pub model_sigma_px: f64,
+    pub(crate) model_sigma_px: f64,
 }
 
 impl Default for PatchOptions {

@@ -14,7 +14,7 @@ fn calibrate(scene: &PointScene, pairs: &[ImagePair]) -> Calibration {
 }
 
 fn given(scene: &PointScene) -> Vec<ImagePair> {
-    scene.pairs().into_iter().map(|p| p.pair).collect()
+    scene.pairs()
 }
 
 fn copies(c: &Calibration) -> Vec<[String; 2]> {

@@ -67,7 +67,7 @@ fn assert_close(k: &Camera, t: &Intrinsics, scale: f64, constraint: Constraint) 
 }
 
 fn pairs_of(scene: &PointScene) -> Vec<ImagePair> {
-    scene.pairs().into_iter().map(|p| p.pair).collect()
+    scene.pairs()
 }
 
 #[test]

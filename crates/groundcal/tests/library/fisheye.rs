@@ -23,7 +23,7 @@ fn scene(sigma_px: f64, seed: u64) -> PointScene {
 }
 
 fn pairs(scene: &PointScene) -> Vec<ImagePair> {
-    scene.pairs().into_iter().map(|p| p.pair).collect()
+    scene.pairs()
 }
 
 /// Told the lens and a camera matrix that is 2 % off.
@@ -47,7 +47,7 @@ fn calibrated(scene: &PointScene, options: &Options) -> Calibration {
 
 /// Relative errors of fx, fy and of the principal point in focal lengths.
 fn errors(c: &Calibration) -> [f64; 4] {
-    let k = c.camera.intrinsics();
+    let k = c.camera.model().intrinsics;
     [k.fx / 316.0 - 1.0, k.fy / 316.0 - 1.0, (k.cx - 506.5) / 316.0, (k.cy - 494.5) / 316.0]
 }
 
@@ -177,7 +177,7 @@ fn a_fisheye_that_is_named_is_told_from_the_planes() {
         let floor =
             PointScene { intrinsics, lens, size: SIZE, matches: 300, sigma_px: 0.3, ..PointScene::nominal(seed) };
         let plane = PlaneViewScene { intrinsics, lens, size: SIZE, views: 6, ..PlaneViewScene::nominal(seed) };
-        for (motion, pairs) in [(MotionModel::Auto, pairs(&floor)), (MotionModel::General, plane.views().pairs)] {
+        for (motion, pairs) in [(MotionModel::Auto, pairs(&floor)), (MotionModel::General, plane.pairs())] {
             let options = Options { lens: LensModel::Fisheye, motion, ..Options::default() };
             let names: Vec<String> = (0..6).map(|i| format!("{i}.png")).collect();
             let c = calibrate_matches(&names, SIZE, &pairs, &options, &Silent)

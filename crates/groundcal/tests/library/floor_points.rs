@@ -67,7 +67,7 @@ fn trial(seed: u64) -> Trial {
         m.attitude_error_rad = [ahead, aside / m.pitch_down_rad.cos()];
         m.height_ratio = 1.0 + normal(both * HEIGHT_SIGMA);
     }
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| format!("{i}.jpg")).collect();
     let calibration = calibrate_matches(&names, scene.size, &pairs, &options(), &Silent).expect("a camera");
     Trial { seed, scene, calibration }

@@ -4,13 +4,13 @@ use groundcal::{
     Error, LensModel, MotionModel, Options, Silent, calibrate_matches,
     geometry::{Constraint, Intrinsics, Lens},
     result::{Calibration, MotionKind, Parameter},
-    synthetic::{PlaneViewScene, plane_views_bound},
+    synthetic::PlaneViewScene,
 };
 use rayon::prelude::*;
 
 fn calibrated(scene: &PlaneViewScene, motion: MotionModel) -> Result<Calibration, Error> {
     let names: Vec<String> = (0..scene.views).map(|i| format!("{i}.png")).collect();
-    calibrate_matches(&names, scene.size, &scene.views().pairs, &Options { motion, ..Options::default() }, &Silent)
+    calibrate_matches(&names, scene.size, &scene.pairs(), &Options { motion, ..Options::default() }, &Silent)
 }
 
 /// Errors of fx, fy, cx and cy in deviations.
@@ -96,17 +96,9 @@ fn general_motion_reaches_the_cramer_rao_bound() {
     };
     let trial = |seed: u64| {
         let scene = PlaneViewScene { views: 8, tilt_deg: [10.0, 50.0], ..PlaneViewScene::nominal(seed) };
-        let shown = scene.views();
-        let bound = plane_views_bound(
-            &scene.intrinsics,
-            &shown.views,
-            (&shown.points, &shown.seen),
-            scene.sigma_px,
-            Constraint::ZeroSkew,
-        )
-        .expect("determined")[(0, 0)];
+        let bound = scene.bound(Constraint::ZeroSkew).expect("determined")[(0, 0)];
         let names: Vec<String> = (0..scene.views).map(|i| i.to_string()).collect();
-        let c = calibrate_matches(&names, scene.size, &shown.pairs, &options, &Silent)
+        let c = calibrate_matches(&names, scene.size, &scene.pairs(), &options, &Silent)
             .unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         let stated = c.standard_deviation(Parameter::Fx).expect("estimated").powi(2);
         ((c.camera.fx - scene.intrinsics.fx).powi(2) / bound, stated / bound)

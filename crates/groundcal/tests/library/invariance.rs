@@ -106,7 +106,7 @@ fn input() -> impl Strategy<Value = Input> {
                 motions,
                 ..PointScene::nominal(u64::from(seed))
             };
-            let pairs = scene.pairs().into_iter().map(|p| p.pair).collect();
+            let pairs = scene.pairs();
             let options =
                 Options { constraint: Constraint::Auto, principal_point_px: Some([x, y]), ..Options::default() };
             Input { scene, size, images, pairs, options }

@@ -25,7 +25,7 @@ fn scene(coefficients: [f64; 5], seed: u64) -> PointScene {
 
 fn calibrated(scene: &PointScene) -> Calibration {
     let names: Vec<String> = (0..2 * scene.motions.len()).map(|i| format!("{i}.png")).collect();
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent).expect("a camera")
 }
 

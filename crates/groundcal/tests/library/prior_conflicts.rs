@@ -28,7 +28,7 @@ fn scene(attitudes: &[[f64; 3]], fy: f64, skew: f64, seed: u64) -> PointScene {
 }
 
 fn calibrate(scene: &PointScene) -> Result<Calibration, Error> {
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
     calibrate_matches(&names, scene.size, &pairs, &Options::default(), &Silent)
 }
@@ -110,7 +110,7 @@ fn one_attitude_with_pixels_that_are_not_square_is_covered_or_refused() {
 #[test]
 fn matches_behind_the_camera_do_not_stop_the_refinement() {
     let scene = scene(&ATTITUDES, 600.0, 0.0, 9);
-    let mut pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let mut pairs: Vec<ImagePair> = scene.pairs();
     let right = calibrate(&scene).expect("a camera");
     // Above the horizon of the second view, and on no line of the homography.
     for (i, pair) in pairs.iter_mut().enumerate() {
@@ -166,7 +166,7 @@ fn a_motion_that_tilted_is_named_and_widens_no_other() {
 
 /// With its pairs named as motions.
 fn calibrate_named(scene: &PointScene) -> Calibration {
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| i.to_string()).collect();
     let motions = (0..pairs.len()).map(|i| (2 * i, 2 * i + 1)).collect();
     let options = Options { pairs: Some(motions), ..Options::default() };

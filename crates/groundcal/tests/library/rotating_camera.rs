@@ -112,11 +112,8 @@ fn turns_about_one_axis_are_refused_by_its_name() {
 fn a_camera_that_moves_is_refused_or_warned_of() {
     // 0.2 m of offset over a floor 3 m away: near enough to rotations to give an answer.
     let near = PointScene { sigma_px: 0.3, ..PointScene::nominal(1) };
-    let c = calibrate(
-        &near.pairs().into_iter().map(|p| p.pair).collect::<Vec<_>>(),
-        Options { lens: LensModel::None, ..rotating(Constraint::ZeroSkew) },
-    )
-    .expect("a camera, wrong");
+    let c = calibrate(&near.pairs(), Options { lens: LensModel::None, ..rotating(Constraint::ZeroSkew) })
+        .expect("a camera, wrong");
     assert!(codes(&c).contains(&"not_rotations"), "{:?}", codes(&c));
     assert!(c.fit.variance_inflation > 10.0);
     // 3 m of offset: no rotation at all.
@@ -128,7 +125,7 @@ fn a_camera_that_moves_is_refused_or_warned_of() {
             .collect(),
         ..near
     };
-    let pairs: Vec<ImagePair> = far.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = far.pairs();
     let error = calibrate(&pairs, rotating(Constraint::ZeroSkew)).expect_err("moved");
     assert!(matches!(error, Error::NoUsableMotion { .. }) && error.to_string().contains("moved"), "{error}");
 }

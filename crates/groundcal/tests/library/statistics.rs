@@ -2,9 +2,8 @@
 
 use groundcal::{
     LensModel, Options, Silent, calibrate_matches,
-    pairs::ImagePair,
     start::Constraint,
-    synthetic::{HeightModel, PointScene, cramer_rao_bound},
+    synthetic::{HeightModel, PointScene},
 };
 use rayon::prelude::*;
 
@@ -33,14 +32,11 @@ fn rmse_is_near_the_bound_and_the_intervals_hold() {
         .map(|seed| {
             let scene = PointScene::nominal(seed);
             let pairs = scene.pairs();
-            let motions: Vec<_> =
-                scene.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
             let bound = [HeightModel::Constant, HeightModel::Free].map(|h| {
-                let b = cramer_rao_bound(&scene.intrinsics, &motions, scene.sigma_px, Constraint::ZeroSkew, h);
+                let b = scene.bound(Constraint::ZeroSkew, h);
                 b.expect("determined")[(0, 0)].sqrt()
             });
-            let matches: Vec<ImagePair> = pairs.iter().map(|p| p.pair.clone()).collect();
-            let c = calibrate_matches(&names, scene.size, &matches, &options, &Silent).expect("a camera");
+            let c = calibrate_matches(&names, scene.size, &pairs, &options, &Silent).expect("a camera");
             let (k, sd, t) = (&c.camera, &c.standard_deviation, &scene.intrinsics);
             let sds = [sd.fx, sd.fy, sd.cx, sd.cy].map(|s| s.expect("estimated"));
             Trial { error: [k.fx - t.fx, k.fy - t.fy, k.cx - t.cx, k.cy - t.cy], sigma: sds, bound }

@@ -122,7 +122,7 @@ fn work_on_images_stops_in_every_stage() {
 #[test]
 fn work_on_matches_stops_too() {
     let scene = PointScene::nominal(1);
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let names: Vec<String> = (0..2 * pairs.len()).map(|i| format!("image {i}")).collect();
     let work = |observer: &dyn Observer| {
         calibrate_matches(&names, scene.size, &pairs, &Options::default(), observer).map(|_| ())

@@ -22,7 +22,7 @@ fn verdict(c: &Calibration) -> &Verdict {
 
 fn of_motions(motions: Vec<MotionSpec>, seed: u64) -> Calibration {
     let scene = PointScene { motions, matches: 300, sigma_px: 0.2, ..PointScene::nominal(seed) };
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, &Options::default(), &Silent).expect("a camera")
 }
 
@@ -60,7 +60,7 @@ fn turning_off_axis(ahead: f64, seed: u64) -> (ImageSize, Intrinsics, Vec<ImageP
     let mut seen = |r: &Matrix3<f64>, p: &Vector3<f64>| {
         let x = r * p - lens_from_axis;
         let noise = Vector2::from_fn(|_, _| -> f64 { StandardNormal.sample(&mut rng) }) * 0.2;
-        let pixel = k.pixel_from_normalised(&Vector2::new(x.x / x.z, x.y / x.z)) + noise;
+        let pixel = (k.matrix() * x / x.z).xy() + noise;
         let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x <= 639.0 && pixel.y <= 479.0;
         (x.z > 0.2 && inside).then_some(pixel)
     };
@@ -124,7 +124,7 @@ fn motions_about_axes_far_off_the_normal_are_no_answer() {
         };
         let motions: Vec<MotionSpec> = (0..10).map(&mut motion).collect();
         let scene = PointScene { motions, matches: 300, sigma_px: 0.2, ..PointScene::nominal(seed) };
-        let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+        let pairs: Vec<ImagePair> = scene.pairs();
         let options = Options {
             pairs: Some((0..10).map(|i| (2 * i, 2 * i + 1)).collect()),
             motion: MotionModel::PlaneNormal,
@@ -152,7 +152,7 @@ fn motions_about_axes_far_off_the_normal_are_no_answer() {
 #[test]
 fn a_focal_length_that_pictures_state_checks_the_answer_and_makes_none_of_it() {
     let scene = PointScene { matches: 300, sigma_px: 0.2, ..PointScene::nominal(2) };
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let with = |stated: Option<f64>| {
         let options = Options { stated_focal_px: stated.map(|factor| factor * 1000.0), ..Options::default() };
         calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, &options, &Silent).expect("a camera")

@@ -3,11 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use groundcal::{
-    geometry::ImageSize,
-    plan::{Carrier, MAX_MOTIONS},
-    start::GivenPrior,
-};
+use groundcal::{geometry::ImageSize, plan::Carrier, start::GivenPrior};
 
 use crate::args::{ConstraintArg, DistortionArg, OverwriteArg, parse_point, parse_prior, parse_size};
 
@@ -81,7 +77,7 @@ pub(crate) struct PlanArgs {
     pub(crate) points: Option<u32>,
 
     /// Motions (two pictures each) to plan [default: 4; after a calibration: 2]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=MAX_MOTIONS as i64))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) motions: Option<u32>,
 
     /// What `calibrate` is going to assume of the camera matrix

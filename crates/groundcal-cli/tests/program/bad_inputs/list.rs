@@ -66,7 +66,7 @@ const ARGUMENTS: &[Row] = &[
     ("plan --tilts-deg 500", 2, &["no angle from -180 to 180", "--help"]),
     ("plan --tilts-deg 20:10:1", 2, &["must go up", "--help"]),
     ("plan --tilts-deg 1:2", 2, &["FROM:TO:STEP", "--help"]),
-    ("plan --motions 51", 2, &["51", "1..=50", "--help"]),
+    ("plan --motions 51", 2, &["--motions 51", "a whole number from 1 to 50"]),
     ("plan --after @view.json --f 100", 2, &["cannot be used with", "--help"]),
     ("plan --image-size 100000x100000", 2, &["megapixels", "--help"]),
     ("simulate noise --out OUT --trials 0", 2, &["--trials", "--help"]),

@@ -87,7 +87,7 @@ fn prior_of(c: &Calibration, p: Parameter) -> Option<[f64; 2]> {
     c.prior(p.prior()).map(|prior| [prior.mean * unit, prior.sigma * unit])
 }
 
-/// The radial displacement f (k1 ρ³ + k2 ρ⁵ + k3 ρ⁷), ρ = r / f, out to the farthest corner. Of Brown-Conrady alone: that of other models
+/// The radial displacement f (k1 r³ + k2 r⁵ + k3 r⁷), r in focal lengths, out to the farthest corner. Of Brown-Conrady alone: that of other models
 /// is no such sum.
 fn lens(c: &Calibration) -> Vec<LensPoint> {
     const RADIAL: [(Parameter, i32); 3] = [(Parameter::K1, 3), (Parameter::K2, 5), (Parameter::K3, 7)];

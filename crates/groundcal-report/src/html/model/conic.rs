@@ -59,7 +59,7 @@ fn real_and_imaginary(e: &ComplexPoint) -> Option<[[f64; 2]; 2]> {
 
 fn circular_point(c: &Calibration, a: &AttitudeReport) -> ComplexPoint {
     let rotation = rotation_cam_from_world(a.pitch_down_deg.to_radians(), a.roll_deg.to_radians(), 0.0);
-    let k = c.camera.intrinsics().matrix();
+    let k = c.camera.model().intrinsics.matrix();
     let [re, im] = [0, 1].map(|i| k * rotation.column(i));
     Vector3::new(Complex::new(re.x, im.x), Complex::new(re.y, im.y), Complex::new(re.z, im.z))
 }
@@ -135,7 +135,7 @@ fn conditioning(c: &Calibration) -> (Vec<&'static str>, Vec<f64>, Vec<f64>) {
         [m[(0, 0)] > 0.0, ratio > 1e-9 * m[(0, 0)] / (fx * fx), m[(2, 2)] > 0.0, m[(3, 3)] > 0.0, m[(4, 4)] > 0.0];
     let columns: Vec<usize> = (0..5).filter(|&i| free[i]).collect();
     let frame = Frame::new(c.camera.model().size, None);
-    let intrinsics = c.camera.intrinsics();
+    let intrinsics = c.camera.model().intrinsics;
     let mut equations = DMatrix::<f64>::zeros(2 * c.attitudes.len(), columns.len());
     for (a, attitude) in c.attitudes.iter().enumerate() {
         let by = residual_by_camera(&frame, &intrinsics, &circular_point(c, attitude));

@@ -274,7 +274,7 @@ fn overlay(c: &Calibration, report: &MotionReport, p: &PairEvidence) -> Option<O
             };
             let h = p.h_b_from_a?;
             (
-                FloorView::new(&camera.intrinsics(), camera.model().lens, &pose).ok()?,
+                FloorView::new(&camera.model().intrinsics, camera.model().lens, &pose).ok()?,
                 Second::Homography(Matrix3::from_fn(|r, k| h[r][k])),
             )
         }

@@ -28,9 +28,8 @@ fn scene(elevations_deg: &[f64], roll_deg: f64, seed: u64) -> PointScene {
 fn rotating(spread_deg: f64, constraint: Constraint) -> Result<[f64; 4], Error> {
     let scene = scene(&[45.0 - 0.5 * spread_deg, 45.0, 45.0 + 0.5 * spread_deg], 0.0, 1);
     let frame = Frame::new(scene.size, None);
-    let homographies: Vec<HomographyEstimate> = (scene.pairs().iter())
-        .map(|p| refine(&p.pair.matches, None, &frame, &RefineOptions::default()).unwrap())
-        .collect();
+    let homographies: Vec<HomographyEstimate> =
+        (scene.pairs().iter()).map(|p| refine(&p.matches, None, &frame, &RefineOptions::default()).unwrap()).collect();
     let options = RotatingOptions { constraint, aspect: 1.0, weighting: Weighting::Covariance };
     let s = calibrate_rotating(&homographies, &options)?;
     Ok(std::array::from_fn(|i| 100.0 * s.covariance_px[(i, i)].sqrt() / s.intrinsics.fx))
@@ -56,7 +55,7 @@ fn pans_without_roll_tell_aspect_and_cy_by_the_spread_of_their_elevations_alone(
 fn one_motion(roll_deg: f64) -> Option<[f64; 2]> {
     let scene = scene(&[45.0], roll_deg, 1);
     let names = ["a", "b"].map(String::from);
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let options = Options {
         method: Method::Linear,
         constraint: Constraint::FixedPrincipalPoint,

@@ -32,7 +32,7 @@ fn options(homographies: HomographyFit) -> Options {
 
 fn calibrated(scene: &PointScene, options: &Options) -> Result<Calibration, Error> {
     let names: Vec<String> = (0..2 * scene.motions.len()).map(|i| i.to_string()).collect();
-    let matches: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let matches: Vec<ImagePair> = scene.pairs();
     calibrate_matches(&names, scene.size, &matches, options, &Silent)
 }
 

@@ -20,7 +20,7 @@ fn names(count: usize) -> Vec<String> {
 fn calibrated(seed: u64) -> (PointScene, Calibration) {
     let mut scene = PointScene::nominal(seed);
     scene.sigma_px = 0.5;
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     let options = Options { attitude_sigma_deg: Some(0.0), ..Options::default() };
     let c = calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, &options, &Silent).expect("a camera");
     (scene, c)

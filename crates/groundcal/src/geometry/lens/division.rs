@@ -1,7 +1,7 @@
 //! The division model of one parameter (Fitzgibbon, CVPR 2001), on rays.
 //!
 //! ```text
-//! ray ~ (x_d, y_d, 1 + λ r_d²)        r_d = 2 ρ / (Z + √(Z² - 4 λ ρ²)),    ρ² = X² + Y²
+//! ray ~ (x_d, y_d, 1 + λ r_d²)        r_d = 2 r / (Z + √(Z² - 4 λ r²)),    r² = X² + Y²
 //! ```
 //!
 //! λ < 0 (barrel) reaches beyond 90 degrees, up to 180: at r_d = 1/√-λ the ray is square to the axis. λ > 0 folds at
@@ -17,7 +17,7 @@ pub struct Division {
     lambda: f64,
 }
 
-/// What projecting needs: the distance from the axis, the root, and r_d / ρ.
+/// What projecting needs: the distance from the axis, the root, and r_d / r.
 struct Parts {
     rho: f64,
     root: f64,

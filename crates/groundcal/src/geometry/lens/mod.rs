@@ -83,6 +83,14 @@ impl Lens {
         }
     }
 
+    /// Whether it acts on the points (X/Z, Y/Z) of a flat image, which ends before 90 degrees from the axis; the others act on directions.
+    pub fn is_flat(&self) -> bool {
+        match self {
+            Self::None | Self::Radtan(_) => true,
+            Self::Division(_) | Self::Fisheye(_) => false,
+        }
+    }
+
     /// Names of the parameters, in the order of [`Self::parameters`] and of derivatives.
     pub fn parameter_names(&self) -> &'static [&'static str] {
         match self {

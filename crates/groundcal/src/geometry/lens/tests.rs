@@ -31,6 +31,16 @@ fn lenses() -> Vec<Lens> {
     all.extend(radtan.map(|c| Lens::Radtan(Radtan::new(c))));
     all.extend([0.0, -0.3, -2.0, 0.05, 0.4].map(|l| Lens::Division(Division::new(l))));
     all.extend(fisheye.map(|c| Lens::Fisheye(Fisheye::new(c))));
+    // A new model does not compile here until its lenses are above.
+    let model = |lens: &Lens| match lens {
+        Lens::None => 0,
+        Lens::Radtan(_) => 1,
+        Lens::Division(_) => 2,
+        Lens::Fisheye(_) => 3,
+    };
+    let mut models: Vec<usize> = all.iter().map(model).collect();
+    models.dedup();
+    assert_eq!(models, [0, 1, 2, 3]);
     all
 }
 

@@ -33,7 +33,7 @@ fn outliers_cost_less_than_five_percent() {
                 .map(|seed| {
                     let scene = PointScene { matches, outlier_fraction, ..PointScene::nominal(1000 + seed) };
                     let truth = scene.homography(0).expect("a homography");
-                    let pair = &scene.pairs()[0];
+                    let pair = &scene.pairs_with_truth()[0];
                     let frame = Frame::new(scene.size, None);
                     let good = inliers(pair);
                     let points: Vec<Vector2<f64>> = good.iter().map(|m| m.a).collect();
@@ -60,7 +60,7 @@ fn outliers_cost_less_than_five_percent() {
 #[test]
 fn a_static_background_does_not_win_in_silence() {
     let scene = PointScene { matches: 120, ..PointScene::nominal(5) };
-    let moving = scene.pairs()[0].pair.matches.clone();
+    let moving = scene.pairs()[0].matches.clone();
     // Three times as many points that stand still, in a strip at the border as a robot's own body would.
     let still = (0..360).map(|i| {
         let p = [(i * 37 % 1280) as f64, 880.0 + (i * 13 % 80) as f64];
@@ -89,7 +89,7 @@ fn the_covariance_of_a_homography_is_right() {
             let scene = PointScene::nominal(seed);
             let frame = Frame::new(scene.size, None);
             let pair = &scene.pairs()[1];
-            let estimate = refine(&pair.pair.matches, None, &frame, &RefineOptions::default()).expect("determined");
+            let estimate = refine(&pair.matches, None, &frame, &RefineOptions::default()).expect("determined");
             let truth = scene.homography(1).expect("a homography").in_frame(&frame);
             let difference = nalgebra::SVector::<f64, 9>::from_fn(|i, _| {
                 truth[(i / 3, i % 3)] * truth.dot(&estimate.in_frame).signum() - estimate.in_frame[(i / 3, i % 3)]

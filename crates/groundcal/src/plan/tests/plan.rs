@@ -168,7 +168,7 @@ impl World {
             reach: options.rig.reach,
             seed: self.seed * 100 + index as u64,
         };
-        scene.pairs().remove(0).pair.matches
+        scene.pairs().remove(0).matches
     }
 
     /// Errors of (ln f, fx, fy, cx, cy).

@@ -18,7 +18,7 @@ use crate::refine::residual::SceneModel;
 use crate::refine::tracks::{Kind, Observation, Track};
 use crate::result::calibration::Calibration;
 use crate::result::camera::Method;
-use crate::synthetic::bound::{HeightModel, cramer_rao_bound};
+use crate::synthetic::bound::HeightModel;
 use crate::synthetic::points::{MotionSpec, PointScene, turning_pairs};
 use nalgebra::{Matrix3, Vector2};
 use rand::SeedableRng;
@@ -31,7 +31,7 @@ fn names(count: usize) -> Vec<String> {
 }
 
 fn calibrate(scene: &PointScene, options: &Options) -> Result<Calibration, Error> {
-    let pairs: Vec<ImagePair> = scene.pairs().into_iter().map(|p| p.pair).collect();
+    let pairs: Vec<ImagePair> = scene.pairs();
     calibrate_matches(&names(2 * pairs.len()), scene.size, &pairs, options, &Silent)
 }
 
@@ -182,7 +182,7 @@ fn bundle_of(scene: &PointScene) -> (Frame, Vec<Track>, State) {
     let tracks = scene
         .pairs()
         .iter()
-        .flat_map(|p| p.pair.matches.clone().into_iter().map(|m| (p.pair.from, p.pair.to, m)))
+        .flat_map(|p| p.matches.clone().into_iter().map(|m| (p.from, p.to, m)))
         .map(|(a, b, m)| Track { kind: Kind::Point, observations: vec![seen(a, m.a), seen(b, m.b)] })
         .collect();
     let camera = CameraState::new(&scene.intrinsics, &Lens::radial(0.0, 0.0), &frame);
@@ -244,11 +244,7 @@ fn the_stated_covariance_is_the_cramer_rao_bound() {
         let (frame, tracks, truth) = bundle_of(&scene);
         let options = BundleOptions { height_sigma: Some(height_sigma), ..exact(frame) };
         let found = adjust(SceneModel::Floor, &tracks, vec![truth], &options).expect("refined");
-        let pairs = scene.pairs();
-        let motions: Vec<_> =
-            scene.motions.iter().zip(&pairs).map(|(m, p)| (m.views(), p.floor_points.as_slice())).collect();
-        let bound = cramer_rao_bound(&scene.intrinsics, &motions, scene.sigma_px, Constraint::ZeroSkew, model)
-            .expect("determined");
+        let bound = scene.bound(Constraint::ZeroSkew, model).expect("determined");
         // The noise is estimated; the weights have converged when it agrees with them to half a per cent.
         let noise = found.variance_factors[Kind::Point as usize];
         let student = found.degrees_of_freedom / (found.degrees_of_freedom - 2.0);
