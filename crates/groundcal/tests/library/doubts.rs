@@ -122,3 +122,31 @@ fn one_attitude_of_cropped_pictures_has_bars_that_hold() {
     }
     assert!(alone_is_answered >= 8, "{alone_is_answered} of 12 are answered");
 }
+
+/// Optical centres that hardly move: a lens off the axis of a head has such in any room, so that views of a plane they are only where somebody says so.
+#[test]
+fn views_from_one_place_are_views_of_a_plane_only_where_that_is_asked_for() {
+    let tilts = [
+        [35.0, 0.0, 0.0],
+        [50.0, 20.0, 10.0],
+        [62.0, -25.0, -15.0],
+        [42.0, -12.0, 22.0],
+        [56.0, 38.0, 4.0],
+        [70.0, 8.0, -8.0],
+    ];
+    let views_within = |heights: f64| -> Vec<FloorView> {
+        let place = |i: usize| [heights * (i as f64 / 5.0), 0.3 * heights * (i % 3) as f64];
+        tilts.iter().enumerate().map(|(i, tilt)| view(*tilt, place(i))).collect()
+    };
+    for (heights, seed) in [(0.05, 140), (0.05, 141), (0.5, 142)] {
+        let views = views_within(heights);
+        let asked = calibrated(&views, &[], seed, MotionModel::General).expect("a camera");
+        assert!(furthest(&asked, 1.0) < 3.5, "{heights}: {} deviations", furthest(&asked, 1.0));
+        let unasked = calibrated(&views, &[], seed, MotionModel::Auto);
+        let off = unasked.as_ref().map_or(0.0, |c| furthest(c, 1.0));
+        let kind = unasked.map(|c| c.motion).map_err(|error| error.code());
+        println!("{heights}: {kind:?}, {off:.1} deviations");
+        assert!(off < 3.5, "{heights}: {kind:?}, {off:.1} deviations");
+        assert_eq!(kind == Ok(Some(MotionKind::General)), heights > 0.1, "{heights}: {kind:?}");
+    }
+}
