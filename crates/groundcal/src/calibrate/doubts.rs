@@ -88,19 +88,19 @@ pub(super) fn widen_by_doubts(
     };
     let effect = unusual_design_effect(joint, usual);
     let is_doubted =
-        is_repair_untried(is_repaired, attitudes) || (!vouched && is_doubted(joint)) || (is_alone && effect > 1.0);
+        is_repair_untried(is_repaired, attitudes) || (!vouched && (is_doubted(joint) || (is_alone && effect > 1.0)));
     let doubt = if is_doubted { DOUBTED_VARIANCE } else { 1.0 };
-    let of_priors = is_alone.then(|| untested_priors(joint, options));
     widen(joint, doubt * effect);
-    if let Some(added) = of_priors {
-        joint.allow(&added);
-    }
 }
 
-/// What the error bars owe to the priors that nobody gave, were these as wide as they are taken to be.
-fn untested_priors(joint: &JointSolution, options: &Options) -> DMatrix<f64> {
+/// Adds to the error bars what they owe to the priors that nobody gave and one attitude does not test, were these as wide as they are taken to be. What is
+/// less known for that is not undetermined.
+pub(super) fn allow_for_untested_priors(joint: &mut JointSolution, attitudes: usize, options: &Options) {
+    if attitudes != 1 || joint.bundle.scene != SceneModel::Floor {
+        return;
+    }
     // With the noise as it is: what was widened says less of what follows a prior.
-    let covariance = &joint.bundle.cameras[0].covariance / joint.bundle.widened;
+    let covariance = joint.covariance_of_noise();
     let mut added = DMatrix::zeros(covariance.nrows(), covariance.ncols());
     let left_to_priors = [PriorParameter::Aspect, PriorParameter::Cx, PriorParameter::Cy];
     for parameter in left_to_priors.into_iter().filter(|p| !options.is_told(*p)) {
@@ -110,7 +110,7 @@ fn untested_priors(joint: &JointSolution, options: &Options) -> DMatrix<f64> {
         let follows = covariance.column(number) / sigma;
         added += &follows * follows.transpose() * (UNTESTED_PRIOR_VARIANCE - 1.0);
     }
-    added
+    joint.allow(&added);
 }
 
 /// The same of a camera of views from anywhere: where nobody asked for them, by what is usual of motions.

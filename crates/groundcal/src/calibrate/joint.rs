@@ -96,6 +96,11 @@ impl JointSolution {
         self.covariance_px = &self.by_camera * &self.bundle.cameras[0].covariance * self.by_camera.transpose();
     }
 
+    /// The covariance of the camera's numbers as the noise alone has it.
+    pub(super) fn covariance_of_noise(&self) -> DMatrix<f64> {
+        (&self.bundle.cameras[0].covariance - &self.allowed) / self.bundle.widened
+    }
+
     /// A covariance with the camera's numbers in pixels.
     pub(super) fn in_pixels(&self, covariance: &JointCovariance) -> JointCovariance {
         covariance.in_pixels(&self.by_camera)
@@ -183,8 +188,7 @@ impl JointSolution {
     pub(super) fn prior_conflict(&self, unknowns: &CameraUnknowns, number: usize) -> Option<f64> {
         let (mean, sigma) = unknowns.prior(number)?;
         let camera = &self.bundle.cameras[0];
-        let variance = camera.covariance[(number, number)] - self.allowed[(number, number)];
-        let left = sigma * sigma - variance / self.bundle.widened;
+        let left = sigma * sigma - self.covariance_of_noise()[(number, number)];
         let moved = (camera.state.numbers()[number] - mean).abs();
         (left > MIN_VARIANCE_REDUCTION * sigma * sigma).then(|| moved / left.sqrt())
     }

@@ -4,7 +4,7 @@ use crate::{
     calibrate::{
         checks::unmodelled_distortion,
         departures::departures_found,
-        doubts::widen_by_doubts,
+        doubts::{allow_for_untested_priors, widen_by_doubts},
         options::{HELD_ATTITUDE_SIGMA_DEG, Method},
         prior_conflicts::WIDE_LN_ASPECT,
         refinement_input::RefinementOptions,
@@ -81,6 +81,7 @@ pub(super) fn solve_plane_normal(
     if let Some(joint) = &mut joint {
         widen_by_doubts(joint, (has_repairs, solution.groups.len()), pairs, &used, options);
         check_certainty(&joint.camera_covariance(), options.constraint, solution.groups.len(), frame)?;
+        allow_for_untested_priors(joint, solution.groups.len(), options);
         solution = joint.solution(solution, &refinement.bundle);
         lens_share = joint.share_of_lens().sqrt();
     } else if let Some(added) = covariance_of_lens(lens, through)? {

@@ -11,6 +11,8 @@
 //! refitted after each. n: candidates (left out for images that follow each other in a sequence); σ: standard deviation of ln ρ;
 //! share_k, s_k: how cameras keep their height. An image has one attitude, so motions that share an image must have the same circular point.
 //!
+//! A member that keeps out others, which agree with the camera too and would add more, is left out for them ([`Search::exchanged`]).
+//!
 //! A head that tilts about its optical centre also gives circular points on the conic, those of the planes across its tilt
 //! axis. They are told from the floor's by the horizon: a floor lies on one side of it. Motions with points on both sides
 //! (far scenes, a camera turning on the spot) are taken only where the floor does not explain the images.
@@ -74,6 +76,9 @@ pub(crate) enum Verdict {
 /// What a set must have beyond coincidence, 2 ln n of n candidates: odds of twenty to one. A single motion must have it of its height ratio.
 pub(crate) const MARGIN_LOG_ODDS: f64 = 3.0;
 
+/// Most members that a set is tried without.
+const MAX_EXCHANGES: usize = 8;
+
 /// How cameras keep their height between the two images of a motion: share of motions, standard deviation of ln ρ. Tripods moved on a
 /// floor, robots on wheels and turntables keep it exactly (patches show ρ to 1e-5, features to 1e-3); what is carried keeps it to a few per
 /// cent; cranes do not keep it.
@@ -96,6 +101,7 @@ pub(crate) fn height_log_odds(height_ratio: f64, height_ratio_sigma: f64) -> f64
     (motion / free).ln()
 }
 
+#[derive(Clone)]
 struct Hypothesis {
     members: Vec<usize>,
     score: f64,
@@ -122,7 +128,22 @@ struct Search<'a> {
 /// standard deviations).
 const SEARCH_LN_F: (f64, f64) = (0.6, 0.55);
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(motions: &'a [Motion], options: &'a ConsistencyOptions, observer: &dyn Observer) -> Result<Self, Error> {
+        let sigma = options.principal_point_sigma;
+        let aspect = options.aspect.ln();
+        let priors = Priors([Some(SEARCH_LN_F), Some((aspect, 0.01)), Some((0.0, sigma)), Some((0.0, sigma)), None]);
+        let reference = Parameters::from([SEARCH_LN_F.0, aspect, 0.0, 0.0, 0.0]);
+        let mut search = Self { motions, priors, options, distances: Vec::new() };
+        let points: Vec<WeightedPoint> = (0..motions.len()).map(|i| search.undistorted(i, &reference)).collect();
+        let distances_from = |a: &WeightedPoint| {
+            observer.go_on()?;
+            Ok(points.iter().map(|b| attitude_distance(a, b, options.k1_sigma)).collect())
+        };
+        search.distances = points.par_iter().map(distances_from).collect::<Result<_, Error>>()?;
+        Ok(search)
+    }
+
     /// A motion's circular point with its covariance, all but the distortion.
     fn undistorted(&self, index: usize, p: &Parameters) -> WeightedPoint {
         let point = self.motions[index].geometry.circular_point.clone();
@@ -207,7 +228,53 @@ impl Search<'_> {
         Verdict::Disagrees { sigmas: agreement.map_or(f64::INFINITY, |(distance, _)| distance).sqrt() }
     }
 
-    fn grow(&self, seed: usize, observer: &dyn Observer) -> Result<Option<Hypothesis>, Error> {
+    /// What a candidate adds to the score of a set with this camera; `None` where it does not agree with it, or adds nothing.
+    fn gain(&self, index: usize, solution: &ConicSolution) -> Option<f64> {
+        let weighted = self.weighted(index, &solution.parameters);
+        let (distance, odds) = agreement(&solution.parameters, &solution.covariance, &weighted)?;
+        let gain = odds + self.log_odds_beforehand(index);
+        (distance < self.options.gate && gain > 0.0).then_some(gain)
+    }
+
+    /// The set without a member that keeps out candidates which agree with its camera and together count for more: a pair of two attitudes may by chance agree
+    /// with the camera of the others, and then stands, taken in early, for a whole image's true pairs.
+    fn exchanged(&self, mut best: Hypothesis, observer: &dyn Observer) -> Result<Hypothesis, Error> {
+        let mut barred: Vec<usize> = Vec::new();
+        while barred.len() < MAX_EXCHANGES {
+            let mut labels = self.labels();
+            best.members.iter().for_each(|&m| join(&mut labels, &self.motions[m]));
+            let kept_out = (0..self.motions.len()).filter(|i| !best.members.contains(i) && !barred.contains(i));
+            let mut keeps_out = vec![0.0; self.motions.len()];
+            for (i, gain) in kept_out.filter_map(|i| Some((i, self.gain(i, &best.solution)?))) {
+                let of_its_images = |m: usize| {
+                    let (a, b) = (&self.motions[i], &self.motions[m]);
+                    [a.from, a.to].contains(&b.from) || [a.from, a.to].contains(&b.to)
+                };
+                let clashing = |m: &&usize| of_its_images(**m) && self.distances[i][**m] > DIFFERENT_ATTITUDE;
+                best.members.iter().filter(clashing).for_each(|&m| keeps_out[m] += gain);
+            }
+            let most = (0..keeps_out.len())
+                .filter(|&m| keeps_out[m] > 0.0)
+                .reduce(|most, next| if keeps_out[next] > keeps_out[most] { next } else { most });
+            let Some(most) = most else { break };
+            barred.push(most);
+            let seed = best.members.iter().copied().find(|m| *m != most);
+            let other = seed.map(|seed| self.grow(seed, &barred, observer)).transpose()?.flatten();
+            match other.filter(|other| other.score > best.score) {
+                Some(other) => best = other,
+                None => break,
+            }
+        }
+        Ok(best)
+    }
+
+    /// Each image by itself.
+    fn labels(&self) -> Vec<usize> {
+        (0..self.motions.iter().map(|m| m.from.max(m.to).index() + 1).max().unwrap_or(0)).collect()
+    }
+
+    /// The set that a candidate founds, of all but some.
+    fn grow(&self, seed: usize, barred: &[usize], observer: &dyn Observer) -> Result<Option<Hypothesis>, Error> {
         // Far points may lie on one side of the horizon by chance; points of a floor never lie on both.
         let floor = self.motions[seed].sides == HorizonSides::One;
         let suits = |i: usize| !floor || self.motions[i].sides == HorizonSides::One;
@@ -216,22 +283,15 @@ impl Search<'_> {
         };
         let mut members = vec![seed];
         let mut score = self.log_odds_beforehand(seed);
-        let images = self.motions.iter().map(|m| m.from.max(m.to).index() + 1).max().unwrap_or(0);
-        let mut labels: Vec<usize> = (0..images).collect();
+        let mut labels = self.labels();
         join(&mut labels, &self.motions[seed]);
         // Out for good: what contradicts a set contradicts every larger one.
-        let mut open: Vec<usize> = (0..self.motions.len()).filter(|&i| i != seed && suits(i)).collect();
+        let mut open: Vec<usize> =
+            (0..self.motions.len()).filter(|&i| i != seed && suits(i) && !barred.contains(&i)).collect();
         loop {
             observer.go_on()?;
-            let mut offers: Vec<(usize, f64)> = open
-                .iter()
-                .filter_map(|&i| {
-                    let w = self.weighted(i, &solution.parameters);
-                    let (distance, odds) = agreement(&solution.parameters, &solution.covariance, &w)?;
-                    (distance < self.options.gate).then_some((i, odds + self.log_odds_beforehand(i)))
-                })
-                .filter(|(_, gain)| *gain > 0.0)
-                .collect();
+            let mut offers: Vec<(usize, f64)> =
+                open.iter().filter_map(|&i| Some((i, self.gain(i, &solution)?))).collect();
             offers.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
             let mut chosen = None;
             for (i, gain) in offers {
@@ -289,22 +349,12 @@ pub(crate) fn find_consistent(
     if motions.is_empty() {
         return Ok(ConsistentSet { verdicts: Vec::new(), log_odds: 0.0, needed_log_odds });
     }
-    let sigma = options.principal_point_sigma;
-    let priors =
-        Priors([Some(SEARCH_LN_F), Some((options.aspect.ln(), 0.01)), Some((0.0, sigma)), Some((0.0, sigma)), None]);
-    let reference = Parameters::from([SEARCH_LN_F.0, options.aspect.ln(), 0.0, 0.0, 0.0]);
-    let mut search = Search { motions, priors, options, distances: Vec::new() };
-    let points: Vec<WeightedPoint> = (0..motions.len()).map(|i| search.undistorted(i, &reference)).collect();
-    let distances_from = |a: &WeightedPoint| {
-        observer.go_on()?;
-        Ok(points.iter().map(|b| attitude_distance(a, b, options.k1_sigma)).collect())
-    };
-    search.distances = points.par_iter().map(distances_from).collect::<Result<_, Error>>()?;
+    let search = Search::new(motions, options, observer)?;
     // A seed that a set has taken in would found much the same set.
     let mut hypotheses: Vec<Option<Hypothesis>> = Vec::with_capacity(motions.len());
     for seed in 0..motions.len() {
         let taken = hypotheses.iter().flatten().any(|h| h.members.len() >= 4 && h.members.contains(&seed));
-        hypotheses.push(if taken { None } else { search.grow(seed, observer)? });
+        hypotheses.push(if taken { None } else { search.grow(seed, &[], observer)? });
     }
     // The earliest seed on a tie, whatever the threads did.
     let best_of = |sides: HorizonSides| {
@@ -319,10 +369,79 @@ pub(crate) fn find_consistent(
         (Some(floor), Some(far)) => Some(if 2 * images(floor) >= images(far) { floor } else { far }),
         (floor, far) => floor.or(far),
     };
-    let Some(best) = best else {
+    let best = best.cloned().map(|best| search.exchanged(best, observer)).transpose()?;
+    let Some(best) = &best else {
         let verdicts = vec![Verdict::Disagrees { sigmas: f64::INFINITY }; motions.len()];
         return Ok(ConsistentSet { verdicts, log_odds: f64::NEG_INFINITY, needed_log_odds });
     };
     let verdicts = (0..motions.len()).map(|i| search.verdict(i, best)).collect();
     Ok(ConsistentSet { verdicts, log_odds: best.score, needed_log_odds })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        geometry::{frame::Frame, intrinsics::Intrinsics},
+        numerics::statistics::CHI_SQUARED_2_999,
+        observer::Silent,
+        pairs::{
+            observe::{ObserveOptions, observe},
+            robust::RobustOptions,
+        },
+        synthetic::points::{MotionSpec, PointScene},
+    };
+
+    /// Turns of one attitude, in a row of images, and first of all one of another attitude between an image of the row and one outside.
+    fn row_and_another() -> Vec<Motion> {
+        let turn = |pitch: f64, roll: f64, degrees: f64| {
+            MotionSpec::about_axis(pitch.to_radians(), roll.to_radians(), degrees.to_radians(), 0.3, 1.0)
+        };
+        let row = (0..6).map(|k| turn(46.0, 5.0, 30.0 + 2.0 * f64::from(k)));
+        let scene =
+            PointScene { motions: [turn(60.0, 35.0, 32.0)].into_iter().chain(row).collect(), ..PointScene::nominal(5) };
+        let frame = Frame::new(scene.size, None);
+        let [cx, cy] = scene.size.centre_px();
+        let options = ObserveOptions {
+            frame,
+            middling_camera: Intrinsics::square(scene.size.width as f64, cx, cy),
+            min_matches: 6,
+            from_elsewhere: true,
+            robust: RobustOptions::default(),
+            seed: 0,
+        };
+        let mut pairs = scene.pairs();
+        let images = [(2, 7)].into_iter().chain((0..6).map(|k| (k, k + 1)));
+        pairs.iter_mut().zip(images).for_each(|(pair, (from, to))| (pair.from, pair.to) = (from, to));
+        let observed = observe(pairs, None, &options, &Silent).expect("not stopped");
+        let motion = |pair: &crate::pairs::observation::PairObservation| {
+            let geometry = pair.outcome.as_ref().expect("a turn").geometry.clone();
+            Motion { from: pair.from, to: pair.to, geometry, sides: HorizonSides::One }
+        };
+        observed.iter().map(motion).collect()
+    }
+
+    #[test]
+    fn a_member_that_keeps_out_two_that_agree_gives_way() {
+        let motions = row_and_another();
+        let options = ConsistencyOptions {
+            attitude_sigma_rad: 0.001,
+            k1_sigma: 0.05,
+            direction_sigma: 1e-4,
+            principal_point_sigma: 0.1,
+            aspect: 1.0,
+            gate: CHI_SQUARED_2_999,
+            sequence: false,
+        };
+        let search = Search::new(&motions, &options, &Silent).expect("not stopped");
+        let founded = search.grow(0, &[], &Silent).expect("not stopped").expect("a set");
+        // The row's two pairs of the image that it shares are kept out.
+        let mut members = founded.members.clone();
+        members.sort_unstable();
+        assert_eq!(members, [0, 1, 4, 5, 6]);
+        let exchanged = search.exchanged(founded, &Silent).expect("not stopped");
+        let mut members = exchanged.members.clone();
+        members.sort_unstable();
+        assert_eq!(members, [1, 2, 3, 4, 5, 6]);
+    }
 }
