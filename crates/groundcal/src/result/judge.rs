@@ -341,9 +341,12 @@ mod tests {
             one_account_at_most(&Calibration { scene: Some(scene), warnings, ..c.clone() }).map_err(|e| e.to_string())
         };
         let (cx, cy) = (PriorParameter::Cx, PriorParameter::Cy);
-        for alone in [vec![departs(), departs()], vec![attitude_error()], vec![released(cx), released(cy)]] {
+        for alone in [vec![departs()], vec![attitude_error()], vec![released(cx), released(cy)]] {
             assert_eq!(verdict(Scene::Floor, alone), Ok(()));
         }
+        // The scene has three attitudes.
+        let message = verdict(Scene::Floor, vec![departs(), departs()]).expect_err("two departures");
+        assert!(message.contains("2 ways, which 3 attitudes do not tell apart"), "{message}");
         let message = verdict(Scene::Floor, vec![released(cx), attitude_error()]).expect_err("two accounts");
         assert!(message.contains("assumed of cx is contradicted, and 1 of the motions"), "{message}");
         let three = vec![released(cx), released(cy), released(PriorParameter::Aspect)];
