@@ -37,7 +37,7 @@ use crate::{
 /// repaired with more 3, and of all others one in 60.)
 const DOUBTED_VARIANCE: f64 = 4.0;
 /// Factor on the variance of a prior that one attitude leaves untested. (Of 365 answers of the bench of one attitude 11 were off by more
-/// than 3 deviations, up to 9.8; half of these were cropped pictures, whose centre is up to four deviations from where cameras have it.)
+/// than 3 deviations, up to 9.8; four of these were of cropped pictures, whose centre is not where cameras have it.)
 const UNTESTED_PRIOR_VARIANCE: f64 = 4.0;
 /// Largest design effect that is usual of one attitude: beyond it the answer is doubted. (1 in 50 well-specified scenes has more; of 49 answers of the bench beyond
 /// it 3 were off by more than 3 deviations, up to 9.8.)

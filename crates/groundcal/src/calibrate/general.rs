@@ -48,8 +48,8 @@ const MIN_SEPARATION_SIGMAS: f64 = 4.0;
 /// head by 2 cm, 1 m above a floor.
 const MIN_BASELINE_HEIGHTS: f64 = 0.02;
 /// The same where nobody asked for views of a plane: a lens off the axis by 5 cm in a room of 1.5 m to each side has as much and more. (Of 30 such answers of
-/// the bench the two in a room, and on a lawn, had 0.032 and 0.036, and the one was off by 14 deviations; a ring about a tilted axis has 0.08 to 0.12, views by hand and of
-/// walls 0.25 and more.)
+/// the bench one in a room had 0.036 and was off by 14 deviations, one on a lawn had 0.032; a ring about a tilted axis has 0.08 to 0.12, views by hand and of
+/// walls 0.24 and more.)
 const MIN_BASELINE_UNASKED_HEIGHTS: f64 = 0.065;
 /// Largest variance of the residuals in units of the matching noise: of bent boards it is up to 2, of a street corner 24.
 const MAX_VARIANCE: f64 = 5.0;

@@ -14,25 +14,21 @@ named! {
     /// assert_eq!(Constraint::ALL[0].to_string(), "auto");
     /// ```
     #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
+    #[serde(rename_all = "kebab-case")]
     pub enum Constraint {
         /// Zero skew, and priors instead of hard choices for aspect ratio and principal point.
         #[default]
-        #[serde(rename = "auto")]
         Auto = "auto",
         /// All five parameters free: three attitudes.
-        #[serde(rename = "full")]
         Full = "full",
         /// ω12 = 0: two attitudes.
-        #[serde(rename = "zero-skew")]
         ZeroSkew = "zero-skew",
         /// Zero skew and known aspect ratio: two attitudes.
-        #[serde(rename = "square")]
         Square = "square",
         /// Zero skew and known principal point: one attitude.
         #[serde(rename = "fixed-pp")]
         FixedPrincipalPoint = "fixed-pp",
         /// Zero skew, known aspect ratio and principal point: one attitude.
-        #[serde(rename = "focal")]
         Focal = "focal",
     }
 }

@@ -241,8 +241,6 @@ impl<'a> Search<'a> {
     fn exchanged(&self, mut best: Hypothesis, observer: &dyn Observer) -> Result<Hypothesis, Error> {
         let mut barred: Vec<usize> = Vec::new();
         while barred.len() < MAX_EXCHANGES {
-            let mut labels = self.labels();
-            best.members.iter().for_each(|&m| join(&mut labels, &self.motions[m]));
             let kept_out = (0..self.motions.len()).filter(|i| !best.members.contains(i) && !barred.contains(i));
             let mut keeps_out = vec![0.0; self.motions.len()];
             for (i, gain) in kept_out.filter_map(|i| Some((i, self.gain(i, &best.solution)?))) {
@@ -268,11 +266,6 @@ impl<'a> Search<'a> {
         Ok(best)
     }
 
-    /// Each image by itself.
-    fn labels(&self) -> Vec<usize> {
-        (0..self.motions.iter().map(|m| m.from.max(m.to).index() + 1).max().unwrap_or(0)).collect()
-    }
-
     /// The set that a candidate founds, of all but some.
     fn grow(&self, seed: usize, barred: &[usize], observer: &dyn Observer) -> Result<Option<Hypothesis>, Error> {
         // Far points may lie on one side of the horizon by chance; points of a floor never lie on both.
@@ -283,7 +276,8 @@ impl<'a> Search<'a> {
         };
         let mut members = vec![seed];
         let mut score = self.log_odds_beforehand(seed);
-        let mut labels = self.labels();
+        let images = self.motions.iter().map(|m| m.from.max(m.to).index() + 1).max().unwrap_or(0);
+        let mut labels: Vec<usize> = (0..images).collect();
         join(&mut labels, &self.motions[seed]);
         // Out for good: what contradicts a set contradicts every larger one.
         let mut open: Vec<usize> =
