@@ -50,6 +50,16 @@ fn good_scenes_of_both_kinds_are_answered_and_right() {
     assert_eq!((t.answered, t.lies), (scenes.len(), 0), "{t:?}");
 }
 
+/// A wide lens that turns round on a head in the open sees far things beyond the horizon. Next to it they move as the floor does, and no residual shows them:
+/// taken for floor they make fy 24 deviations wrong.
+#[test]
+fn far_things_beyond_the_horizon_are_no_floor() {
+    let family = families().into_iter().find(|f| f.name == "wide_ring_horizon").expect("a family");
+    let record = run(&[(family, 1)], 5, &|_| {}).remove(0).record;
+    let off = record.worst_sigmas();
+    assert!(record.is_answer() && off < 3.0, "{:?}, {off} deviations", record.verdict);
+}
+
 #[test]
 fn there_are_families_enough_each_with_a_name_of_its_own() {
     let all = families();

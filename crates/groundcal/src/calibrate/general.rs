@@ -16,7 +16,9 @@ use crate::{
         joint::JointSolution,
         options::{Method, MotionModel},
         prior_conflicts::{allow_for_open_alternatives, release_contradicted_priors},
-        refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted, shown_by_all},
+        refinement_input::{
+            Refined, RefinementInput, RefinementOptions, adjusted, adjusted_below_horizon, shown_by_all,
+        },
         setup::{Setup, starting_camera},
         solved::Solved,
         soundness::check_soundness,
@@ -88,7 +90,7 @@ pub(super) fn solve_general(
         other_planes.extend(wrong);
         selection = select_general(pairs, &other_planes, &stages.general)?;
     };
-    let joint = adjusted(
+    let joint = adjusted_below_horizon(
         SceneModel::Floor,
         Setup { links: Vec::new(), tracks: best.tracks.clone() },
         input.views.clone(),

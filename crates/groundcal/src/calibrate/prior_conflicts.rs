@@ -22,6 +22,7 @@ use crate::{
         BundleOptions, DepartureKind, State,
         blocks::MATRIX,
         prospect::{Prospect, row_turn_of_all},
+        turned::some_turned,
     },
     result::{PriorConflict, Warning},
     start::linear_camera::{GivenPrior, solve_camera_until, what_is_uncertain},
@@ -110,8 +111,12 @@ pub(super) fn allow_for_open_alternatives(refined: &mut Refined) {
     let turn = row_turn_of_all(&refined.joint.bundle);
     let of_turn = turn.iter().filter(|_| refined.row_turn.is_none());
     let of_turn = of_turn.map(|turn| (Alternative::Departing(DepartureKind::RowTurn).assumption(), &turn.prospect));
+    let turned = some_turned(&refined.joint.bundle, &refined.joint.tracks, &refined.options.bundle);
+    let of_turned = turned.iter().map(|prospect| ("no picture is turned by 180 degrees", prospect));
     let mut most: Option<(f64, &'static str, &Prospect)> = None;
-    for (assumption, prospect) in refined.open.iter().map(|(assumption, p)| (*assumption, p)).chain(of_turn) {
+    for (assumption, prospect) in
+        refined.open.iter().map(|(assumption, p)| (*assumption, p)).chain(of_turn).chain(of_turned)
+    {
         if prospect.gain < 2.0 * OPEN_ODDS.ln() || prospect.step.len() != numbers {
             continue;
         }

@@ -11,7 +11,7 @@ use crate::{
     calibrate::{
         joint::{JointSolution, SharedFloors},
         prior_conflicts::{allow_for_open_alternatives, release_contradicted_priors},
-        refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted},
+        refinement_input::{Refined, RefinementInput, RefinementOptions, adjusted, adjusted_below_horizon},
         setup::{Setup, starting_camera},
         views::Views,
     },
@@ -83,7 +83,8 @@ pub(super) fn refine_motions(
     if starts == Starts::Many {
         states.extend(under_other_constraints(&input, options).iter().filter_map(|other| input.start(other, 1.0)));
     }
-    let joint = adjusted(input.scene, input.setup.clone(), input.views.clone(), states, options, observer)?;
+    let joint =
+        adjusted_below_horizon(input.scene, input.setup.clone(), input.views.clone(), states, options, observer)?;
     let refined = input.refined(joint, solution.clone(), options.clone());
     let (mut refined, is_changed) = release_contradicted_priors(&input, refined)?;
     if input.scene != SceneModel::Directions {
@@ -157,11 +158,12 @@ fn linked(
     let (scene, camera) = (joint.bundle.scene, state.cameras[0]);
     let start = state_from_links(scene, camera, &joint.intrinsics, &attitudes, &groups, &setup.links)
         .map(|state| refined.as_read_out(state));
-    let mut linked = match adjusted(scene, setup, views, start.into_iter().collect(), options, input.observer) {
-        Ok(linked) => linked,
-        Err(Error::Stopped) => return Err(Error::Stopped),
-        Err(_) => return Ok(None),
-    };
+    let mut linked =
+        match adjusted_below_horizon(scene, setup, views, start.into_iter().collect(), options, input.observer) {
+            Ok(linked) => linked,
+            Err(Error::Stopped) => return Err(Error::Stopped),
+            Err(_) => return Ok(None),
+        };
     let raised = |kind: Kind| {
         let [before, after] = [joint, &linked].map(|j| j.bundle.variance_factors[kind as usize]);
         after / before

@@ -34,6 +34,7 @@ pub(crate) mod reweight;
 pub(crate) mod score;
 pub(crate) mod start;
 pub(crate) mod tracks;
+pub(crate) mod turned;
 pub(crate) mod variance_components;
 
 pub(crate) use blocks::BundleOptions;

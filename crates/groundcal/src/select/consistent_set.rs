@@ -257,7 +257,7 @@ impl<'a> Search<'a> {
             let Some(most) = most else { break };
             barred.push(most);
             let seed = best.members.iter().copied().find(|m| *m != most);
-            let other = seed.map(|seed| self.grow(seed, &barred, observer)).transpose()?.flatten();
+            let other = seed.map(|seed| self.grow(seed, &barred, &[], observer)).transpose()?.flatten();
             match other.filter(|other| other.score > best.score) {
                 Some(other) => best = other,
                 None => break,
@@ -266,8 +266,22 @@ impl<'a> Search<'a> {
         Ok(best)
     }
 
-    /// The set that a candidate founds, of all but some.
-    fn grow(&self, seed: usize, barred: &[usize], observer: &dyn Observer) -> Result<Option<Hypothesis>, Error> {
+    /// What each candidate that is open adds to a set with this camera, the most last.
+    fn offers(&self, open: &[bool], solution: &ConicSolution) -> Vec<(usize, f64)> {
+        let of = |index: usize| open[index].then(|| Some((index, self.gain(index, solution)?))).flatten();
+        let mut offers: Vec<(usize, f64)> = (0..open.len()).into_par_iter().filter_map(of).collect();
+        offers.sort_by(|a, b| a.1.total_cmp(&b.1).then(b.0.cmp(&a.0)));
+        offers
+    }
+
+    /// The set that a candidate founds, of all but some; `None`, too, where it comes to be one that is known.
+    fn grow(
+        &self,
+        seed: usize,
+        barred: &[usize],
+        known: &[Hypothesis],
+        observer: &dyn Observer,
+    ) -> Result<Option<Hypothesis>, Error> {
         // Far points may lie on one side of the horizon by chance; points of a floor never lie on both.
         let floor = self.motions[seed].sides == HorizonSides::One;
         let suits = |i: usize| !floor || self.motions[i].sides == HorizonSides::One;
@@ -280,26 +294,18 @@ impl<'a> Search<'a> {
         let mut labels: Vec<usize> = (0..images).collect();
         join(&mut labels, &self.motions[seed]);
         // Out for good: what contradicts a set contradicts every larger one.
-        let mut open: Vec<usize> =
-            (0..self.motions.len()).filter(|&i| i != seed && suits(i) && !barred.contains(&i)).collect();
-        loop {
+        let mut open: Vec<bool> =
+            (0..self.motions.len()).map(|i| i != seed && suits(i) && !barred.contains(&i)).collect();
+        let mut offers = self.offers(&open, &solution);
+        while let Some((index, gain)) = offers.pop() {
             observer.go_on()?;
-            let mut offers: Vec<(usize, f64)> =
-                open.iter().filter_map(|&i| Some((i, self.gain(i, &solution)?))).collect();
-            offers.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-            let mut chosen = None;
-            for (i, gain) in offers {
-                if !self.conflicts(i, &labels) {
-                    chosen = Some((i, gain));
-                    break;
-                }
-                open.retain(|&o| o != i);
+            open[index] = false;
+            if self.conflicts(index, &labels) {
+                continue;
             }
-            let Some((index, gain)) = chosen else { break };
-            open.retain(|&o| o != index);
             members.push(index);
-            // With many members one more changes little: not every round needs a new solution.
-            if members.len() <= 12 || members.len().is_multiple_of(8) {
+            let refitted = is_refitted(members.len());
+            if refitted {
                 let Some(next) = self.solve(&members, &solution.parameters) else {
                     members.pop();
                     continue;
@@ -313,9 +319,27 @@ impl<'a> Search<'a> {
             }
             join(&mut labels, &self.motions[index]);
             score += gain;
+            let of_known = |h: &Hypothesis| members[1..].iter().all(|m| h.members.contains(m));
+            if members.len() == TELLING_MEMBERS && known.iter().any(of_known) {
+                return Ok(None);
+            }
+            // What the others add changes with the camera alone.
+            if refitted {
+                offers = self.offers(&open, &solution);
+            }
         }
         Ok(Some(Hypothesis { members, score, solution }))
     }
+}
+
+/// Members of a set that determine its camera: one more changes little, and sets that have them in common are much the same.
+const TELLING_MEMBERS: usize = 12;
+
+/// Whether the camera is solved for again with so many members: the more they are, the less one more changes.
+fn is_refitted(members: usize) -> bool {
+    const AFTER: usize = 8;
+    let halved = (members / (8 * AFTER)).checked_ilog2().unwrap_or(0);
+    members <= TELLING_MEMBERS || members.is_multiple_of(AFTER << halved)
 }
 
 /// The largest consistent set.
@@ -345,15 +369,17 @@ pub(crate) fn find_consistent(
     }
     let search = Search::new(motions, options, observer)?;
     // A seed that a set has taken in would found much the same set.
-    let mut hypotheses: Vec<Option<Hypothesis>> = Vec::with_capacity(motions.len());
+    let mut hypotheses: Vec<Hypothesis> = Vec::new();
     for seed in 0..motions.len() {
-        let taken = hypotheses.iter().flatten().any(|h| h.members.len() >= 4 && h.members.contains(&seed));
-        hypotheses.push(if taken { None } else { search.grow(seed, &[], observer)? });
+        let taken = hypotheses.iter().any(|h| h.members.len() >= 4 && h.members.contains(&seed));
+        if !taken {
+            hypotheses.extend(search.grow(seed, &[], &hypotheses, observer)?);
+        }
     }
     // The earliest seed on a tie, whatever the threads did.
     let best_of = |sides: HorizonSides| {
-        let seeded = hypotheses.iter().enumerate().filter(|(seed, _)| motions[*seed].sides == sides);
-        seeded.filter_map(|(_, h)| h.as_ref()).reduce(|best, next| if next.score > best.score { next } else { best })
+        let founded = hypotheses.iter().filter(|h| motions[h.members[0]].sides == sides);
+        founded.reduce(|best, next| if next.score > best.score { next } else { best })
     };
     let images = |h: &Hypothesis| {
         let all: BTreeSet<ImageId> = h.members.iter().flat_map(|&m| [motions[m].from, motions[m].to]).collect();
@@ -428,7 +454,7 @@ mod tests {
             sequence: false,
         };
         let search = Search::new(&motions, &options, &Silent).expect("not stopped");
-        let founded = search.grow(0, &[], &Silent).expect("not stopped").expect("a set");
+        let founded = search.grow(0, &[], &[], &Silent).expect("not stopped").expect("a set");
         // The row's two pairs of the image that it shares are kept out.
         let mut members = founded.members.clone();
         members.sort_unstable();
