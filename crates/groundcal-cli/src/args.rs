@@ -54,7 +54,7 @@ pub(crate) struct OverwriteArg {
 
 /// [`LensModel`] on the command line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub(crate) enum DistortionArg {
+pub(crate) enum LensArg {
     /// Brown-Conrady (`radtan`), or a fisheye's where the images reach far from the axis and are a thousand times likelier so
     Auto,
     /// k1 and k2, with priors 0 +- 0.3, p1 and p2, with priors 0 +- 0.001: what the images do not tell of them stays at zero, with its
@@ -70,14 +70,14 @@ pub(crate) enum DistortionArg {
     K1k2,
 }
 
-impl From<DistortionArg> for LensModel {
-    fn from(value: DistortionArg) -> Self {
+impl From<LensArg> for LensModel {
+    fn from(value: LensArg) -> Self {
         match value {
-            DistortionArg::None => LensModel::None,
-            DistortionArg::K1 => LensModel::K1,
-            DistortionArg::Radtan => LensModel::Radtan,
-            DistortionArg::Fisheye => LensModel::Fisheye,
-            DistortionArg::Auto | DistortionArg::K1k2 => LensModel::K1K2,
+            LensArg::None => LensModel::None,
+            LensArg::K1 => LensModel::K1,
+            LensArg::Radtan => LensModel::Radtan,
+            LensArg::Fisheye => LensModel::Fisheye,
+            LensArg::Auto | LensArg::K1k2 => LensModel::K1K2,
         }
     }
 }

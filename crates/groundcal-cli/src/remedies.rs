@@ -16,8 +16,8 @@ impl Wording for Flags {
             Remedy::LeavePairOut => "leave the pair out (--pairs)",
             Remedy::ComparePairs => "give --pairs to compare others",
             Remedy::GiveLensCoefficients => "give the lens's k1 with --k1 (and --k2) if you know it",
-            Remedy::StateNoDistortion => "give --distortion none for a lens known to have none",
-            Remedy::EstimateLens => "have the lens distortion estimated (--distortion auto)",
+            Remedy::StateNoDistortion => "give --lens none for a lens known to have none",
+            Remedy::EstimateLens => "have the lens distortion estimated (--lens auto)",
             Remedy::GiveAttitudeSigma => "give --attitude-sigma-deg for a carrier that pitches",
             Remedy::GiveValue => "give the value if you know it (--principal-point, --prior)",
             Remedy::UseConstraint { any_of } => {

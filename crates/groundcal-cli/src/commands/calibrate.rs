@@ -29,8 +29,8 @@ use groundcal_report::{
 
 use crate::{
     args::{
-        ConstraintArg, DistortionArg, FeaturesArg, FormatArg, MotionArg, OverwriteArg, ThreadsArg, parse_height,
-        parse_point, parse_prior, parse_size,
+        ConstraintArg, FeaturesArg, FormatArg, LensArg, MotionArg, OverwriteArg, ThreadsArg, parse_height, parse_point,
+        parse_prior, parse_size,
     },
     error::{CliError, Noted, PairLeftOut},
     foreign,
@@ -109,12 +109,12 @@ pub(crate) struct CalibrateArgs {
     pub(crate) radial: Option<RadialArg>,
 
     /// The lens: what is estimated of it (`none`: the error bars do not cover it)
-    #[arg(long = "lens", visible_alias = "distortion", value_enum, default_value_t = DistortionArg::Auto)]
-    pub(crate) distortion: DistortionArg,
+    #[arg(long, visible_alias = "distortion", value_name = "MODEL", value_enum, default_value_t = LensArg::Auto)]
+    pub(crate) lens: LensArg,
 
     /// Camera file (of groundcal, OpenCV, ROS, Kalibr, COLMAP, nerfstudio) whose lens is known, of any model, fisheyes too: its
     /// coefficients are held and undone before anything else. Focal length and centre start from the file's and are estimated anew
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["k1", "k2", "distortion"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["k1", "k2", "lens"])]
     pub(crate) lens_from: Option<String>,
 
     /// Known radial distortion of the lens (Brown-Conrady, as OpenCV); it is undone before anything else, none is estimated
@@ -489,7 +489,7 @@ fn take_known_lens(
     let imported = read_camera(file)?;
     if imported.lens.is_none() {
         return Err(CliError::Usage(format!(
-            "--lens-from {file}: it has no lens distortion. Give --distortion none for a lens known to have none"
+            "--lens-from {file}: it has no lens distortion. Give --lens none for a lens known to have none"
         )));
     }
     let of_file = imported.size.unwrap_or(size);
@@ -512,7 +512,7 @@ fn options(args: &CalibrateArgs) -> Options {
         constraint: args.constraint.into(),
         principal_point_px: args.principal_point,
         aspect: args.aspect,
-        lens: args.distortion.into(),
+        lens: args.lens.into(),
         method: args.method.into(),
         homographies: args.homographies.map_or_else(HomographyFit::default, Into::into),
         radial: args.radial.map_or_else(RadialCorrection::default, Into::into),

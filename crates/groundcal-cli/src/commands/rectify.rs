@@ -55,7 +55,7 @@ pub(crate) struct RectifyArgs {
     #[arg(long)]
     pub(crate) mosaic: bool,
 
-    /// Pixels for a camera height, or for a metre where lengths are in metres [default: that of the images' middling pixel, as 1, 2 or
+    /// Pixels for a camera height, or for a metre where lengths are in metres [default: that of the images' median pixel, as 1, 2 or
     /// 5 times a power of ten]
     #[arg(long, value_name = "PX", value_parser = parse_positive, allow_negative_numbers = true)]
     pub(crate) resolution: Option<f64>,

@@ -212,5 +212,5 @@ fn a_fisheye_lens_from_a_file_is_held_and_its_camera_matrix_estimated() {
         KALIBR.replace("[0.01, -0.003, 0.0005, -0.0001]", "[]").replace("equidistant", "none"),
     );
     let refused = groundcal(&["calibrate", &csv, "--image-size", "1000x1000", "--lens-from", &file]);
-    assert!(refused.code == 2 && refused.stderr.contains("--distortion none"), "{}", refused.stderr);
+    assert!(refused.code == 2 && refused.stderr.contains("--lens none"), "{}", refused.stderr);
 }

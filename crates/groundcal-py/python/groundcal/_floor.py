@@ -150,7 +150,7 @@ def rectify(
         images: The pictures that were calibrated, under the names they had: a folder, paths, a dictionary of arrays by name, or the list
             of arrays that ``calibrate`` was given without names.
         mosaic: One picture of all views that common points connect, instead of one for each.
-        resolution: Pixels for a unit of length; by default that of the images' middling pixel.
+        resolution: Pixels for a unit of length; by default that of the images' median pixel.
         extent: How far from the point below each camera the floor is shown, units of length; 5 camera heights by default.
         camera_height_m: Height of the camera at the first view in metres; by default that of the calibration, else lengths are in camera
             heights.

@@ -464,14 +464,14 @@ impl Options {
     }
 
     /// Square pixels and the longer side for a focal length, until a camera is known.
-    pub(super) fn middling_camera(&self, size: ImageSize) -> Intrinsics {
+    pub(super) fn nominal_camera(&self, size: ImageSize) -> Intrinsics {
         let [cx, cy] = self.assumed_principal_point(size);
         Intrinsics::square(size.width.max(size.height) as f64, cx, cy)
     }
 
     /// The camera matrix through which a known lens acts before a camera is known.
     pub(super) fn camera_of_lens(&self, size: ImageSize) -> Intrinsics {
-        self.distortion_camera.unwrap_or_else(|| self.middling_camera(size))
+        self.distortion_camera.unwrap_or_else(|| self.nominal_camera(size))
     }
 
     /// Whether the distortion is to be found.

@@ -4,7 +4,7 @@ use crate::{
     calibrate::{
         checks::unmodelled_distortion,
         departures::departures_found,
-        doubts::{allow_for_untested_priors, widen_by_doubts},
+        doubts::{allow_for_untested_priors, widen_by_doubts, widen_departing},
         options::{HELD_ATTITUDE_SIGMA_DEG, Method},
         prior_conflicts::WIDE_LN_ASPECT,
         refinement_input::RefinementOptions,
@@ -50,7 +50,7 @@ pub(super) fn solve_plane_normal(
         camera: camera.clone(),
     };
     let mut warnings = Vec::new();
-    let (mut joint, mut left, mut has_repairs) = (None, None, false);
+    let (mut joint, mut left, mut has_repairs, mut departs) = (None, None, false, false);
     if options.method == Method::Joint {
         let told = (&refinement, stages.size);
         match refine_until_sound(pairs, selection, &solution, lens, told, observer) {
@@ -58,6 +58,7 @@ pub(super) fn solve_plane_normal(
             Ok(Some(sound)) => {
                 let refined = sound.refined;
                 has_repairs = refined.is_repaired() || sound.selection.is_some();
+                departs = refined.has_departures();
                 warnings.extend(departures_found(&refined));
                 warnings.extend(refined.fisheye.map(|twice_log_odds| Warning::FisheyeLens { twice_log_odds }));
                 warnings.extend(refined.conflicts.into_iter().map(Warning::PriorContradicted));
@@ -82,6 +83,9 @@ pub(super) fn solve_plane_normal(
         widen_by_doubts(joint, (has_repairs, solution.groups.len()), pairs, &used, options);
         check_certainty(&joint.camera_covariance(), options.constraint, solution.groups.len(), frame)?;
         allow_for_untested_priors(joint, solution.groups.len(), options);
+        if departs {
+            widen_departing(joint, solution.groups.len());
+        }
         solution = joint.solution(solution, &refinement.bundle);
         lens_share = joint.share_of_lens().sqrt();
     } else if let Some(added) = covariance_of_lens(lens, through)? {

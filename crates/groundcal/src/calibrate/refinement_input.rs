@@ -100,7 +100,12 @@ impl Refined {
 
     /// Whether an assumption of the camera or of its pictures was given up for it.
     pub(super) fn is_repaired(&self) -> bool {
-        !self.conflicts.is_empty() || !self.departures.is_empty() || self.row_turn.is_some()
+        !self.conflicts.is_empty() || self.has_departures()
+    }
+
+    /// Whether its pictures depart from each other, or from those of a camera that stands still.
+    pub(super) fn has_departures(&self) -> bool {
+        !self.departures.is_empty() || self.row_turn.is_some()
     }
 
     /// Whether the attitude errors are larger than those of a camera that stands still.

@@ -79,17 +79,17 @@ impl<'a> StageOptions<'a> {
         let min_matches =
             if source.has_matches { options.min_plane_matches.unwrap_or(source.min_plane_matches) } else { 0 };
         let aspect = options.aspect.unwrap_or(1.0);
-        let middling_camera = options.middling_camera(size);
+        let nominal_camera = options.nominal_camera(size);
         let observe = ObserveOptions {
             frame,
-            middling_camera,
+            nominal_camera,
             min_matches,
             from_elsewhere: !source.has_images,
             robust: options.robust,
             seed: options.seed,
         };
         let with_k2 = !options.lens.holds_k2();
-        let lens = LensOptions { size, frame, middling_camera, with_k2 };
+        let lens = LensOptions { size, frame, nominal_camera, with_k2 };
         Self {
             options,
             size,

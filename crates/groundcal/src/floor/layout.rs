@@ -1,6 +1,6 @@
 //! Which pictures of a floor are made: views that share one, its grid, and the resolution of all.
 //!
-//! The resolution is that of the images' middling pixel on the floor ([`source_resolution`]), as 1, 2 or 5 times a power of ten, lowered
+//! The resolution is that of the images' median pixel on the floor ([`source_resolution`]), as 1, 2 or 5 times a power of ten, lowered
 //! where a picture would have more than [`MAX_PIXELS`].
 
 use std::{collections::HashMap, hash::Hash};

@@ -49,7 +49,7 @@ pub(crate) struct LensOptions {
     /// Frame of the homographies.
     pub(crate) frame: Frame,
     /// Camera through which the coefficients act.
-    pub(crate) middling_camera: Intrinsics,
+    pub(crate) nominal_camera: Intrinsics,
     /// Whether k2 is estimated beside k1.
     pub(crate) with_k2: bool,
 }
@@ -127,7 +127,7 @@ impl LensFromPlanes {
         lens
     }
 
-    /// Standard deviations of k1 and k2 for the camera's focal length (the estimate has a middling one).
+    /// Standard deviations of k1 and k2 for the camera's focal length (the estimate has a nominal one).
     pub(crate) fn sigmas(&self, k: &Intrinsics) -> [f64; 2] {
         let ratio = k.fx / self.estimate.lens.intrinsics.fx;
         let sigma = |i: usize| self.estimate.covariance[(i, i)].sqrt();
@@ -146,7 +146,7 @@ pub(crate) struct DistortionCentre {
 impl LensOptions {
     /// Where nothing is known of the camera yet.
     pub(crate) fn assumed_centre(&self) -> DistortionCentre {
-        let k = &self.middling_camera;
+        let k = &self.nominal_camera;
         DistortionCentre { px: [k.cx, k.cy], sigma: CENTRE_SIGMA }
     }
 }
@@ -235,7 +235,7 @@ pub(crate) fn find_fisheye(
         }
     }
     let start = best.map_or_else(
-        || PlacedLens { lens: Lens::Fisheye(Fisheye::new([0.0; 4])), intrinsics: observe_options.middling_camera },
+        || PlacedLens { lens: Lens::Fisheye(Fisheye::new([0.0; 4])), intrinsics: observe_options.nominal_camera },
         |(_, lens)| lens,
     );
     let (pairs, placement) = find_placement(pairs, start, observe_options, observer)?;
@@ -329,7 +329,7 @@ fn lens_of(
     let [cx, cy] = centre.px;
     let start = PlacedLens {
         lens: before.map_or(Lens::None, |b| b.estimate.lens.lens),
-        intrinsics: Intrinsics { cx, cy, ..options.middling_camera },
+        intrinsics: Intrinsics { cx, cy, ..options.nominal_camera },
     };
     let prior = LensPrior {
         k1_sigma: K1_SIGMA,

@@ -27,8 +27,8 @@ use crate::{
 pub(crate) struct ObserveOptions {
     /// Frame of the homographies.
     pub(crate) frame: Frame,
-    /// Through which a radial distortion is thought to act before the camera is known: a middling focal length.
-    pub(crate) middling_camera: Intrinsics,
+    /// Through which a radial distortion is thought to act before the camera is known: a nominal focal length.
+    pub(crate) nominal_camera: Intrinsics,
     /// Fewest matches on a plane.
     pub(crate) min_matches: usize,
     /// Matches come from elsewhere and may be coarser than those of features.
@@ -339,7 +339,7 @@ fn shift_by_k1(
 ) -> Option<Vector4<f64>> {
     const STEP: f64 = 0.02;
     const MIN_SCALE_MATCHES: usize = 300;
-    let lens = PlacedLens { lens: Lens::radial(STEP, 0.0), intrinsics: options.middling_camera };
+    let lens = PlacedLens { lens: Lens::radial(STEP, 0.0), intrinsics: options.nominal_camera };
     let stride = on_plane.len().div_ceil(MIN_SCALE_MATCHES);
     let some: Vec<PointMatch> = on_plane.iter().step_by(stride).copied().collect();
     let undone: Vec<PointMatch> = some.iter().filter_map(|m| lens.ideal_match(m)).collect();

@@ -258,7 +258,7 @@ impl<'a> Rounds<'a> {
             added.iter().for_each(|(places, value)| covariance[*places] += value);
         }
         let variance_factors =
-            std::array::from_fn(|k| weight_estimate.white[k] / (problem.weights[k] * self.effects[k]));
+            std::array::from_fn(|k| weight_estimate.single_variances[k] / (problem.weights[k] * self.effects[k]));
         let at_fixed_point = weight_estimate.at_fixed_point(problem, &squared_residuals, self.effects);
         let of_evidence = |k: usize| at_fixed_point[k] / (problem.weights[k] * self.effects[k]);
         let residuals = std::array::from_fn(|k| (weight_estimate.of_kinds[k], of_evidence(k)));

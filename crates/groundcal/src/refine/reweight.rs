@@ -48,7 +48,7 @@ struct Cell {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WeightEstimate {
     /// Variance of single residuals in units of what the weights in force take it for.
-    pub(crate) white: [f64; KINDS],
+    pub(crate) single_variances: [f64; KINDS],
     /// How much more neighbours have in common than independent residuals would.
     pub(crate) effects: [f64; KINDS],
     /// Degrees of freedom of all residuals.
@@ -72,13 +72,13 @@ impl WeightEstimate {
         Self {
             effects: problem.design_effects(residuals, variances),
             // In units of single residuals, which the weights in force take for larger by what neighbours have in common.
-            white: std::array::from_fn(|k| variances[k] * effects_in_force[k]),
+            single_variances: std::array::from_fn(|k| variances[k] * effects_in_force[k]),
             degrees_of_freedom,
             of_kinds: redundancies.map(|r| r * degrees_of_freedom / total),
         }
     }
 
-    /// The variance of single residuals of each kind, in the units of [`Self::white`], at which the weights of the loss would converge if the
+    /// The variance of single residuals of each kind, in the units of [`Self::single_variances`], at which the weights of the loss would converge if the
     /// residuals stayed as they are. The rounds stop within half a per cent of it, which the evidence of ten thousand residuals would show as a
     /// difference of 50.
     pub(crate) fn at_fixed_point(
@@ -94,12 +94,13 @@ impl WeightEstimate {
             })
         };
         let in_force = problem.weighted_sums_in_force(squared_residuals);
-        let mut variances = self.white;
+        let mut variances = self.single_variances;
         for _ in 0..MAX_WEIGHT_ROUNDS {
             let now = sums(variances);
             // The degrees of freedom are those that led from the sums in force to the variances in force.
-            let next =
-                std::array::from_fn(|k| if in_force[k] > 0.0 { self.white[k] * now[k] / in_force[k] } else { 1.0 });
+            let next = std::array::from_fn(|k| {
+                if in_force[k] > 0.0 { self.single_variances[k] * now[k] / in_force[k] } else { 1.0 }
+            });
             let moved = (0..KINDS).map(|k| (next[k] / variances[k] - 1.0).abs()).fold(0.0, f64::max);
             variances = next;
             if moved < WEIGHT_TOLERANCE {
@@ -112,7 +113,7 @@ impl WeightEstimate {
     /// Whether the weights in force need no change.
     pub(crate) fn has_converged(&self, effects_in_force: [f64; KINDS]) -> bool {
         (0..KINDS).all(|k| {
-            (self.white[k] - 1.0).abs() < VARIANCE_TOLERANCE
+            (self.single_variances[k] - 1.0).abs() < VARIANCE_TOLERANCE
                 && (self.effects[k] / effects_in_force[k]).ln().abs() < DESIGN_EFFECT_TOLERANCE
         })
     }
@@ -121,7 +122,7 @@ impl WeightEstimate {
     pub(crate) fn apply(&self, problem: &mut Problem, squared_residuals: &[Vec<f64>], in_force: [f64; KINDS]) {
         // What is large is so in units of single residuals.
         let next: [f64; KINDS] =
-            std::array::from_fn(|k| (problem.weights[k] * in_force[k] / self.white[k]).clamp(1e-6, 25.0));
+            std::array::from_fn(|k| (problem.weights[k] * in_force[k] / self.single_variances[k]).clamp(1e-6, 25.0));
         problem.reweight(squared_residuals, std::array::from_fn(|k| next[k] / problem.weights[k]));
         problem.weights = std::array::from_fn(|k| next[k] / self.effects[k]);
     }

@@ -190,7 +190,7 @@ mod tests {
         let [cx, cy] = scene.size.centre_px();
         let options = ObserveOptions {
             frame: Frame::new(scene.size, None),
-            middling_camera: Intrinsics::square(scene.size.width as f64, cx, cy),
+            nominal_camera: Intrinsics::square(scene.size.width as f64, cx, cy),
             min_matches: 6,
             from_elsewhere: true,
             robust: RobustOptions::default(),

@@ -190,7 +190,7 @@ pub(crate) fn solve_camera_until(
     }
     let priors = options.priors(frame);
     let mut parameters = Parameters::from([2f64.ln(), options.aspect.ln(), 0.0, 0.0, 0.0]);
-    // Attitude errors make the weights depend on K: three rounds from a middling focal length are plenty.
+    // Attitude errors make the weights depend on K: three rounds from a nominal focal length are plenty.
     let rounds = if options.attitude_sigma_rad > 0.0 { 3 } else { 1 };
     let mut last = None;
     for _ in 0..rounds {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use groundcal::{geometry::ImageSize, plan::Carrier, start::GivenPrior};
 
-use crate::args::{ConstraintArg, DistortionArg, OverwriteArg, parse_point, parse_prior, parse_size};
+use crate::args::{ConstraintArg, LensArg, OverwriteArg, parse_point, parse_prior, parse_size};
 
 /// `groundcal plan`.
 #[derive(Debug, Args)]
@@ -24,7 +24,7 @@ pub(crate) struct PlanArgs {
     pub(crate) rig: RigArg,
 
     /// Improve this calibration (calibration.json, or the folder it is in): camera, error bars, noise and matches come from it
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["image_size", "f", "hfov_deg", "principal_point", "constraint", "distortion", "prior"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["image_size", "f", "hfov_deg", "principal_point", "constraint", "lens", "prior"])]
     pub(crate) after: Option<PathBuf>,
 
     /// Image size [default: 1280x960]
@@ -89,8 +89,8 @@ pub(crate) struct PlanArgs {
     pub(crate) prior: Vec<GivenPrior>,
 
     /// What `calibrate` is going to estimate of the lens distortion
-    #[arg(long, value_enum, default_value_t = DistortionArg::Auto)]
-    pub(crate) distortion: DistortionArg,
+    #[arg(long, visible_alias = "distortion", value_name = "MODEL", value_enum, default_value_t = LensArg::Auto)]
+    pub(crate) lens: LensArg,
 
     /// How far the camera pitches and rolls by itself between views, standard deviation in degrees
     /// [default: 0.1; after a calibration: as there]

@@ -10,7 +10,7 @@ use groundcal_io::{import::groundcal_json, outputs::Request};
 use groundcal_report::{number::short, plan};
 
 use crate::{
-    args::DistortionArg,
+    args::LensArg,
     error::CliError,
     output::{self, Results, canvas_names},
     remedies::Flags,
@@ -79,7 +79,7 @@ fn report(args: &PlanArgs) -> Result<PlanReport, CliError> {
         motions: args.motions.map(|n| n as usize),
         constraint: args.constraint.into(),
         priors: args.prior.clone(),
-        lens: args.distortion.into(),
+        lens: args.lens.into(),
         attitude_sigma_deg: args.attitude_sigma_deg,
         height_sigma: args.height_sigma,
     };
@@ -106,8 +106,8 @@ fn then(report: &PlanReport, args: &PlanArgs) -> String {
     for p in &args.prior {
         let _ = write!(command, " --prior {}={}+-{}", p.parameter, p.mean, p.sigma);
     }
-    if let Some(lens) = args.distortion.to_possible_value().filter(|_| args.distortion != DistortionArg::Auto) {
-        let _ = write!(command, " --distortion {}", lens.get_name());
+    if let Some(lens) = args.lens.to_possible_value().filter(|_| args.lens != LensArg::Auto) {
+        let _ = write!(command, " --lens {}", lens.get_name());
     }
     if args.attitude_sigma_deg.is_some() {
         let _ = write!(command, " --attitude-sigma-deg {}", short(a.attitude_sigma_deg));

@@ -48,7 +48,7 @@ fn of_the_radius(r: &Residuals) -> String {
     if r.radial_significance > 4.0 {
         format!(
             "<p class=\"note\"><strong>Something that depends on the radius is left:</strong> {} px outwards in one ring, {} standard \
-             deviations. Usual causes: a lens model that is too simple (see <code>--distortion</code>), or a floor that is not flat.</p>\n",
+             deviations. Usual causes: a lens model that is too simple (see <code>--lens</code>), or a floor that is not flat.</p>\n",
             fixed(r.radial_px, 3),
             fixed(r.radial_significance, 1)
         )
