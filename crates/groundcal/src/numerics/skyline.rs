@@ -4,22 +4,23 @@
 //! proportion to their number.
 
 use multiversion::multiversion;
-use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use nalgebra::DVector;
+
+use crate::numerics::skyline_inverse::KnownInverse;
 
 /// A symmetric matrix: lower triangle, each row from its first entry on.
 #[derive(Debug, Clone)]
 pub(crate) struct Skyline {
     first: Vec<usize>,
+    /// The least of these of every [`ROWS_TOGETHER`] rows.
+    least_first: Vec<usize>,
     /// Where the row's values begin; one more at the end.
     start: Vec<usize>,
     values: Vec<f64>,
 }
 
-/// Columns of a product: wide enough for the kernel of products, narrow enough to leave out most of the zeros.
-const PRODUCT_BLOCK: usize = 64;
-/// Right-hand sides solved for at once: their sums fill vector registers.
-const TOGETHER: usize = 8;
+/// Rows that are passed over at once where none of them reaches back far enough.
+const ROWS_TOGETHER: usize = 32;
 /// Pivots below this fraction of the diagonal are rounding: the matrix is singular to working precision.
 const SINGULAR: f64 = 1e-14;
 
@@ -33,7 +34,9 @@ impl Skyline {
             total += row + 1 - column.min(row);
         }
         start.push(total);
-        Self { values: vec![0.0; total], first, start }
+        let least_of = |rows: &[usize]| rows.iter().copied().min().unwrap_or(0);
+        let least_first = first.chunks(ROWS_TOGETHER).map(least_of).collect();
+        Self { values: vec![0.0; total], first, least_first, start }
     }
 
     /// Rows.
@@ -41,14 +44,50 @@ impl Skyline {
         self.first.len()
     }
 
-    fn row(&self, i: usize) -> &[f64] {
+    /// Column of a row's first entry.
+    pub(super) fn first(&self, i: usize) -> usize {
+        self.first[i]
+    }
+
+    /// A row from there to the diagonal.
+    pub(super) fn row(&self, i: usize) -> &[f64] {
         &self.values[self.start[i]..self.start[i + 1]]
+    }
+
+    /// The same to write to.
+    pub(super) fn row_mut(&mut self, i: usize) -> &mut [f64] {
+        &mut self.values[self.start[i]..self.start[i + 1]]
+    }
+
+    /// Entries that are stored.
+    pub(super) fn entries(&self) -> usize {
+        self.values.len()
+    }
+
+    /// The first row from `from` on that has an entry in a column or before it; the number of rows: none has.
+    pub(super) fn next_reaching(&self, from: usize, column: usize) -> usize {
+        let mut row = from;
+        while row < self.size() {
+            if row.is_multiple_of(ROWS_TOGETHER) && self.least_first[row / ROWS_TOGETHER] > column {
+                row += ROWS_TOGETHER;
+            } else if self.first[row] <= column {
+                return row;
+            } else {
+                row += 1;
+            }
+        }
+        self.size()
     }
 
     fn index(&self, i: usize, j: usize) -> usize {
         let (row, column) = if i >= j { (i, j) } else { (j, i) };
         debug_assert!(column >= self.first[row], "outside the skyline");
         self.start[row] + column - self.first[row]
+    }
+
+    /// An entry within the skyline.
+    pub(super) fn entry(&self, i: usize, j: usize) -> f64 {
+        self.values[self.index(i, j)]
     }
 
     /// Adds to an entry (and its mirror image), which must lie within the skyline.
@@ -88,13 +127,13 @@ impl Skyline {
     /// The factor of A + λ diag(A); `None` when that is not positive definite to working precision.
     pub(crate) fn cholesky(&self, lambda: f64) -> Option<SkylineCholesky> {
         let mut l = self.clone();
-        factorise(&mut l, lambda).then_some(SkylineCholesky(l))
+        factorise(&mut l, lambda).then(|| SkylineCholesky { l, inverse: KnownInverse::default() })
     }
 }
 
 /// Products summed up in lanes, so that the compiler does several at once.
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 8;
     let mut sums = [0.0; LANES];
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
@@ -108,7 +147,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[multiversion(targets("x86_64+avx2"))]
 fn factorise(l: &mut Skyline, lambda: f64) -> bool {
     let size = l.size();
-    let Skyline { first: firsts, start: starts, values } = l;
+    let Skyline { first: firsts, start: starts, values, .. } = l;
     for i in 0..size {
         let (start, end, first) = (starts[i], starts[i + 1], firsts[i]);
         let (done, rest) = values.split_at_mut(start);
@@ -134,22 +173,28 @@ fn factorise(l: &mut Skyline, lambda: f64) -> bool {
 }
 
 /// The lower factor L of A = L Lᵀ.
-#[derive(Debug, Clone)]
-pub(crate) struct SkylineCholesky(Skyline);
+#[derive(Debug)]
+pub(crate) struct SkylineCholesky {
+    pub(super) l: Skyline,
+    pub(super) inverse: KnownInverse,
+}
 
 impl SkylineCholesky {
     /// Logarithm of the determinant of A.
     pub(crate) fn log_determinant(&self) -> f64 {
-        let l = &self.0;
+        let l = &self.l;
         (0..l.size()).map(|i| 2.0 * l.values[l.start[i + 1] - 1].ln()).sum()
     }
 
     /// A⁻¹ b.
     pub(crate) fn solve(&self, b: &DVector<f64>) -> DVector<f64> {
-        let l = &self.0;
-        let mut forward: Vec<[f64; 1]> = b.iter().map(|value| [*value]).collect();
-        self.forward(&mut forward, 0);
-        let mut x = DVector::from_iterator(b.len(), forward.into_iter().map(|[value]| value));
+        let l = &self.l;
+        let mut x = b.clone();
+        for i in 0..l.size() {
+            let (row, first) = (l.row(i), l.first[i]);
+            let sum: f64 = row[..i - first].iter().zip(&x.as_slice()[first..i]).map(|(entry, x)| entry * x).sum();
+            x[i] = (x[i] - sum) / row[i - first];
+        }
         for i in (0..l.size()).rev() {
             let (row, first) = (l.row(i), l.first[i]);
             x[i] /= row[i - first];
@@ -160,93 +205,12 @@ impl SkylineCholesky {
         }
         x
     }
-
-    /// L⁻¹ X in place, for as many right-hand sides as a row of X has entries; X is zero before row `from`.
-    fn forward<const N: usize>(&self, x: &mut [[f64; N]], from: usize) {
-        let l = &self.0;
-        // One beyond the last row that is not zero: rows that do not reach back to it are none either.
-        let mut reach = from;
-        for i in from..l.size() {
-            let (row, first) = (l.row(i), l.first[i]);
-            if first >= reach && x[i].iter().all(|x| *x == 0.0) {
-                continue;
-            }
-            reach = i + 1;
-            let begin = first.max(from);
-            let mut sums = [0.0; N];
-            for (entry, x) in row[begin - first..i - first].iter().zip(&x[begin..i]) {
-                sums.iter_mut().zip(x).for_each(|(sum, x)| *sum += entry * x);
-            }
-            x[i].iter_mut().zip(sums).for_each(|(x, sum)| *x = (*x - sum) / row[i - first]);
-        }
-    }
-
-    /// Diagonal entries of A⁻¹: (A⁻¹)ᵢᵢ = |L⁻¹ eᵢ|².
-    pub(crate) fn inverse_diagonal(&self, indices: &[usize]) -> Vec<f64> {
-        let of_some = |indices: &[usize]| {
-            let from = indices.iter().copied().min().unwrap_or(0);
-            let mut x = vec![[0.0; TOGETHER]; self.0.size()];
-            indices.iter().enumerate().for_each(|(lane, &i)| x[i][lane] = 1.0);
-            self.forward(&mut x, from);
-            let mut sums = [0.0; TOGETHER];
-            x[from..].iter().for_each(|x| sums.iter_mut().zip(x).for_each(|(sum, x)| *sum += x * x));
-            sums[..indices.len()].to_vec()
-        };
-        indices.par_chunks(TOGETHER).flat_map_iter(of_some).collect()
-    }
-
-    /// Rows and columns `indices` of A⁻¹: (A⁻¹)ᵢⱼ = (L⁻¹ eᵢ)·(L⁻¹ eⱼ). Thousands of them, the deviations of as many views, are most of the
-    /// work of a refinement: several are solved for at once, and what is zero is left out of their products.
-    pub(crate) fn inverse_block(&self, indices: &[usize]) -> DMatrix<f64> {
-        let (n, count) = (self.0.size(), indices.len());
-        let mut order: Vec<usize> = (0..count).collect();
-        order.sort_by_key(|&k| indices[k]);
-        let sorted: Vec<usize> = order.iter().map(|&k| indices[k]).collect();
-        let mut columns = DMatrix::<f64>::zeros(n, count);
-        columns.as_mut_slice().par_chunks_mut((n * TOGETHER).max(1)).zip(sorted.par_chunks(TOGETHER)).for_each(
-            |(columns, indices)| {
-                let mut x = vec![[0.0; TOGETHER]; n];
-                indices.iter().enumerate().for_each(|(lane, &i)| x[i][lane] = 1.0);
-                self.forward(&mut x, indices[0]);
-                for (lane, column) in columns.chunks_exact_mut(n).enumerate() {
-                    column.iter_mut().zip(&x).for_each(|(value, x)| *value = x[lane]);
-                }
-            },
-        );
-        let products = products_of_columns(&columns, &sorted);
-        let mut place = vec![0; count];
-        order.iter().enumerate().for_each(|(to, &from)| place[from] = to);
-        DMatrix::from_fn(count, count, |r, c| products[(place[r], place[c])])
-    }
-}
-
-/// Xᵀ X of a matrix whose column c is zero before row `first[c]`, which ascend.
-fn products_of_columns(columns: &DMatrix<f64>, first: &[usize]) -> DMatrix<f64> {
-    let (n, count) = columns.shape();
-    let rows = columns.transpose();
-    let starts: Vec<usize> = (0..count).step_by(PRODUCT_BLOCK).collect();
-    // Of each block of columns the products with those before it and its own, from the row where it begins.
-    let products: Vec<DMatrix<f64>> = starts
-        .par_iter()
-        .map(|&start| {
-            let (from, width) = (first[start], PRODUCT_BLOCK.min(count - start));
-            rows.view((0, from), (start + width, n - from)) * columns.view((from, start), (n - from, width))
-        })
-        .collect();
-    let mut out = DMatrix::zeros(count, count);
-    for (&start, product) in starts.iter().zip(&products) {
-        for c in start..start + product.ncols() {
-            for r in 0..=c {
-                let value = product[(r, c - start)];
-                (out[(r, c)], out[(c, r)]) = (value, value);
-            }
-        }
-    }
-    out
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::DMatrix;
+
     use super::*;
 
     /// A band of three with two full rows at the end, and the same dense.
@@ -286,27 +250,6 @@ mod tests {
                 }
             }
         }
-    }
-
-    /// Of more columns than are solved for at once or multiplied at once, in any order, some twice.
-    #[test]
-    fn many_columns_of_the_inverse_agree_with_dense_algebra() {
-        let n = 150;
-        let first: Vec<usize> = (0..n).map(|i: usize| if i >= n - 3 { 0 } else { i.saturating_sub(i % 7) }).collect();
-        let (mut sparse, mut dense) = (Skyline::zeros(first.clone()), DMatrix::zeros(n, n));
-        for (i, &first) in first.iter().enumerate() {
-            for j in first..=i {
-                let value = if i == j { 90.0 + i as f64 } else { ((3 * i + 7 * j) as f64).sin() };
-                sparse.add(i, j, value);
-                (dense[(i, j)], dense[(j, i)]) = (value, value);
-            }
-        }
-        let inverse = dense.try_inverse().expect("regular");
-        let indices: Vec<usize> = (0..149).map(|k| (k * 91 + 20) % n).chain([20, 0]).collect();
-        let block = sparse.cholesky(0.0).expect("positive definite").inverse_block(&indices);
-        let wanted = DMatrix::from_fn(indices.len(), indices.len(), |r, c| inverse[(indices[r], indices[c])]);
-        assert!((&block - wanted).amax() < 1e-15, "{}", (block.clone() - block.transpose()).amax());
-        assert_eq!(sparse.cholesky(0.0).expect("positive definite").inverse_block(&[]).nrows(), 0);
     }
 
     #[test]

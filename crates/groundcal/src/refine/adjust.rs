@@ -248,6 +248,7 @@ impl<'a> Rounds<'a> {
         let misstated = problem.misstated_noise(&squared_residuals);
         let widened = student * unexplained * nonlinear * nonlinear * misstated;
         let solution = Solution { layout: &problem.layout, state: &out.state, factor: &factor, widened };
+        factor.expect_entries(solution.columns_of_poses());
         let mut cameras = solution.cameras();
         let (mut groups, mut views) = (solution.groups(), solution.views(tracks, &squared_residuals));
         let added = of_all_pictures(&cameras, components, lever_arm.as_ref());

@@ -57,6 +57,13 @@ impl Derivative {
 }
 
 impl Solution<'_> {
+    /// Columns of the inverse that the covariances of groups and frames with the camera need, each for itself.
+    pub(crate) fn columns_of_poses(&self) -> usize {
+        let camera = self.layout.cameras[FIRST_CAMERA].columns().len();
+        let (groups, frames) = (self.state.groups.len(), self.state.frames.len());
+        groups * (camera + GROUP) + frames * (camera + GROUP + FRAME)
+    }
+
     /// Covariance of linear functions of the columns.
     fn propagated(&self, by: &Derivative) -> DMatrix<f64> {
         let all = &by.jacobian * self.factor.inverse_block(&by.columns) * by.jacobian.transpose();

@@ -9,7 +9,10 @@
 //! column c_e adds. Eigenvalues of what is left when all else is eliminated, which is how few effects are treated, cost the cube of their number; this
 //! grows with it.
 
-use std::{cell::RefCell, collections::BTreeMap};
+use std::{
+    collections::BTreeMap,
+    sync::{Mutex, PoisonError},
+};
 
 use nalgebra::DVector;
 
@@ -29,7 +32,7 @@ pub(crate) struct ManyEffects<'a> {
     information: Skyline,
     in_force: f64,
     /// What was found for a σ.
-    known: RefCell<BTreeMap<u64, Option<Fit>>>,
+    known: Mutex<BTreeMap<u64, Option<Fit>>>,
 }
 
 /// Half of chi-squared, and ln |A|.
@@ -45,17 +48,18 @@ impl<'a> ManyEffects<'a> {
         let in_force = sigma.max(MIN_PRIOR_SIGMA);
         let mut without = information.clone();
         effects.iter().for_each(|e| without.add(e.column, e.column, -1.0 / (in_force * in_force)));
-        Self { effects, information: without, in_force, known: RefCell::default() }
+        Self { effects, information: without, in_force, known: Mutex::default() }
     }
 
     fn fit(&self, sigma: f64) -> Option<Fit> {
         let sigma = sigma.max(MIN_PRIOR_SIGMA);
-        if let Some(fit) = self.known.borrow().get(&sigma.to_bits()) {
-            return *fit;
-        }
-        let fit = self.factored(sigma);
-        self.known.borrow_mut().insert(sigma.to_bits(), fit);
-        fit
+        let known = || self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = known().get(&sigma.to_bits()).copied();
+        found.unwrap_or_else(|| {
+            let fit = self.factored(sigma);
+            known().insert(sigma.to_bits(), fit);
+            fit
+        })
     }
 
     fn factored(&self, sigma: f64) -> Option<Fit> {

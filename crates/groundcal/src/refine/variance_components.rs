@@ -16,7 +16,7 @@ use crate::{
     numerics::{
         linalg::{inverse_spd, symmetric_eigen},
         skyline::{Skyline, SkylineCholesky},
-        statistics::{VarianceComponent, chi_squared_survival},
+        statistics::{GridLikelihood, VarianceComponent, chi_squared_survival},
     },
     refine::{
         blocks::{BundleOptions, DepartureKind, State},
@@ -114,21 +114,25 @@ impl VarianceComponents {
         if options.attitude_sigma_rad.is_none()
             && let Some(d) = &attitudes
         {
-            next.attitude = d.attitude_component(options.attitude_scale_rad);
-            next.log_evidence += d.log_evidence(&attitude_prior(options.attitude_scale_rad), self.attitude.sigma);
+            let prior = attitude_prior(options.attitude_scale_rad);
+            let likelihood = d.likelihood(&prior);
+            next.attitude = d.attitude_component(options.attitude_scale_rad, &likelihood);
+            next.log_evidence += likelihood.log_evidence() - d.log_likelihood(self.attitude.sigma);
         }
         if options.height_sigma.is_none()
             && let Some(d) = &heights
         {
-            next.height = Component { sigma: HEIGHT_PRIOR.posterior(|s| d.log_likelihood(s)), estimated: true };
-            next.log_evidence += d.log_evidence(&HEIGHT_PRIOR, self.height.sigma);
+            let likelihood = d.likelihood(&HEIGHT_PRIOR);
+            next.height = Component { sigma: likelihood.posterior(), estimated: true };
+            next.log_evidence += likelihood.log_evidence() - d.log_likelihood(self.height.sigma);
         }
         for (k, kind) in DepartureKind::ALL.into_iter().enumerate() {
             let departures = problem.departures(state, kind);
             let of_kind = RandomEffects::new(&departures, equations, self.departures[k].sigma);
             if let Some(d) = &of_kind {
-                next.departures[k].sigma = DEPARTURE_PRIOR.posterior(|s| d.log_likelihood(s));
-                next.log_evidence += d.log_evidence(&DEPARTURE_PRIOR, self.departures[k].sigma);
+                let likelihood = d.likelihood(&DEPARTURE_PRIOR);
+                next.departures[k].sigma = likelihood.posterior();
+                next.log_evidence += likelihood.log_evidence() - d.log_likelihood(self.departures[k].sigma);
             }
         }
         next
@@ -143,7 +147,7 @@ impl VarianceComponents {
     }
 }
 
-/// Effects up to which they are treated by eigenvalues; beyond, the cube of their number is more than a factor for each of fifty variances.
+/// Effects up to which they are treated by eigenvalues; beyond, the cube of their number is more than a factor for each of twenty-five variances.
 const MAX_DENSE: usize = 100;
 
 /// Random effects with a common variance, everything else eliminated.
@@ -212,23 +216,26 @@ impl<'a> RandomEffects<'a> {
         seen.fold((0.0, 0), |(sum, count), (l, r)| (sum + r * r / (l * (1.0 + sigma * sigma * l)), count + 1))
     }
 
-    /// Logarithm of the evidence over the likelihood of a value.
-    fn log_evidence(&self, prior: &VarianceComponent, in_force: f64) -> f64 {
-        prior.log_evidence(|s| self.log_likelihood(s)) - self.log_likelihood(in_force)
+    /// The likelihood of all standard deviations that a prior allows.
+    fn likelihood<'p>(&self, prior: &'p VarianceComponent) -> GridLikelihood<'p> {
+        match self {
+            Self::Few { .. } => prior.likelihood(|sigma| self.log_likelihood(sigma)),
+            Self::Many(effects) => prior.smooth_likelihood(|sigma| effects.log_likelihood(sigma)),
+        }
     }
 
-    fn attitude_component(&self, scale: f64) -> Component {
+    fn attitude_component(&self, scale: f64, likelihood: &GridLikelihood<'_>) -> Component {
         let seen = match self {
             Self::Few { eigenvalues, .. } => eigenvalues.iter().filter(|l| **l * scale * scale > 1.0).count(),
             Self::Many(effects) => effects.directions(scale).round() as usize,
         };
-        let told = || attitude_prior(scale).posterior(|s| self.log_likelihood(s));
+        let told = likelihood.posterior();
         if seen >= MIN_DIRECTIONS {
-            return Component { sigma: told(), estimated: true };
+            return Component { sigma: told, estimated: true };
         }
         // Few directions, or ones of little information, do not make the deviation smaller than stated, but they may make it larger.
         let (_, directions) = self.agreement(scale);
-        let sigma = if directions > 0 { told().max(scale) } else { scale };
+        let sigma = if directions > 0 { told.max(scale) } else { scale };
         Component { sigma, estimated: sigma > scale }
     }
 }
