@@ -45,7 +45,7 @@ impl Skyline {
     }
 
     /// Column of a row's first entry.
-    pub(super) fn first(&self, i: usize) -> usize {
+    pub(crate) fn first(&self, i: usize) -> usize {
         self.first[i]
     }
 
@@ -88,6 +88,11 @@ impl Skyline {
     /// An entry within the skyline.
     pub(super) fn entry(&self, i: usize, j: usize) -> f64 {
         self.values[self.index(i, j)]
+    }
+
+    /// An entry, within the skyline or not.
+    pub(crate) fn entry_or_zero(&self, i: usize, j: usize) -> f64 {
+        if self.first[i.max(j)] <= i.min(j) { self.entry(i, j) } else { 0.0 }
     }
 
     /// Adds to an entry (and its mirror image), which must lie within the skyline.

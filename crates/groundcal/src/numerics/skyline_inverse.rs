@@ -227,7 +227,10 @@ impl SkylineCholesky {
                     let (low, high) = (first.max(before.start), i.min(before.end));
                     if low < high {
                         let values = &mut values[place + low - before.start..place + high - before.start];
-                        values.iter_mut().zip(&row[low - first..high - first]).for_each(|(x, entry)| *x -= entry * value);
+                        values
+                            .iter_mut()
+                            .zip(&row[low - first..high - first])
+                            .for_each(|(x, entry)| *x -= entry * value);
                     }
                 }
             }

@@ -266,7 +266,8 @@ mod tests {
         let component = VarianceComponent { scale: 0.1, below: 30.0, above: 50.0 };
         // A likelihood that does not depend on it, and one so steep that a single value of the grid counts.
         assert!((component.likelihood(|_| -7.5).log_evidence() + 7.5).abs() < 1e-12);
-        let told = component.likelihood(|sigma| if (sigma / 0.1f64).ln().abs() < 0.05 { 0.0 } else { -1e4 }).log_evidence();
+        let told =
+            component.likelihood(|sigma| if (sigma / 0.1f64).ln().abs() < 0.05 { 0.0 } else { -1e4 }).log_evidence();
         let chance = told.exp();
         assert!(chance > 0.01 && chance < 0.1, "one step of 48, where the prior is greatest: {chance}");
     }

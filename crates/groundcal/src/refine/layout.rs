@@ -77,6 +77,13 @@ pub(crate) struct Layout {
     pub units: Vec<usize>,
 }
 
+impl Layout {
+    /// The first column of what all components have in common; the number of columns where that is nothing.
+    pub(crate) fn first_of_cameras(&self) -> usize {
+        self.rig.iter().chain(&self.cameras).flat_map(Block::free).map(|(_, column)| column).min().unwrap_or(self.size)
+    }
+}
+
 /// What a problem is made of.
 pub(crate) struct ProblemInputs<'a> {
     /// Floor or directions.

@@ -7,7 +7,7 @@
 //!
 //! A0: information of all columns without the prior of the effects; e: an effect of value v_e at the solution under σ0, to which s_e times the step of
 //! column c_e adds. Eigenvalues of what is left when all else is eliminated, which is how few effects are treated, cost the cube of their number; this
-//! grows with it.
+//! grows with it. Where the cameras alone connect the motions, all but the effects and the cameras is eliminated once ([`crate::refine::effects_by_parts`]).
 
 use std::{
     collections::BTreeMap,
@@ -18,7 +18,10 @@ use nalgebra::DVector;
 
 use crate::{
     numerics::skyline::Skyline,
-    refine::problem::{MIN_PRIOR_SIGMA, RandomEffect},
+    refine::{
+        effects_by_parts::EffectsByParts,
+        problem::{MIN_PRIOR_SIGMA, RandomEffect},
+    },
 };
 
 /// Step of ln σ for derivatives.
@@ -31,6 +34,8 @@ pub(crate) struct ManyEffects<'a> {
     effects: &'a [RandomEffect],
     information: Skyline,
     in_force: f64,
+    /// The same by the parts that the cameras alone connect, where these are small.
+    parts: Option<EffectsByParts>,
     /// What was found for a σ.
     known: Mutex<BTreeMap<u64, Option<Fit>>>,
 }
@@ -42,13 +47,21 @@ struct Fit {
     log_determinant: f64,
 }
 
+/// gᵀ A⁻¹ g and ln |A|.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Solved {
+    pub(super) explained: f64,
+    pub(super) log_determinant: f64,
+}
+
 impl<'a> ManyEffects<'a> {
-    /// From the information of all columns at a solution under a prior of standard deviation `sigma`.
-    pub(crate) fn new(effects: &'a [RandomEffect], information: &Skyline, sigma: f64) -> Self {
+    /// From the information of all columns at a solution under a prior of standard deviation `sigma`; those of cameras begin at a column.
+    pub(crate) fn new(effects: &'a [RandomEffect], information: &Skyline, sigma: f64, first_of_cameras: usize) -> Self {
         let in_force = sigma.max(MIN_PRIOR_SIGMA);
         let mut without = information.clone();
         effects.iter().for_each(|e| without.add(e.column, e.column, -1.0 / (in_force * in_force)));
-        Self { effects, information: without, in_force, known: Mutex::default() }
+        let parts = EffectsByParts::new(effects, &without, first_of_cameras);
+        Self { effects, information: without, in_force, parts, known: Mutex::default() }
     }
 
     fn fit(&self, sigma: f64) -> Option<Fit> {
@@ -64,18 +77,25 @@ impl<'a> ManyEffects<'a> {
 
     fn factored(&self, sigma: f64) -> Option<Fit> {
         let weight = 1.0 / (sigma * sigma);
-        let mut information = self.information.clone();
-        let mut right = DVector::zeros(information.size());
         let change = 1.0 / (self.in_force * self.in_force) - weight;
-        let mut squares = 0.0;
-        for e in self.effects {
+        let solved = match &self.parts {
+            Some(parts) => parts.solved(weight, change)?,
+            None => Self::whole(self.effects, &self.information, weight, change)?,
+        };
+        let squares: f64 = self.effects.iter().map(|e| e.value * e.value * weight).sum();
+        Some(Fit { cost: 0.5 * (squares - solved.explained), log_determinant: solved.log_determinant })
+    }
+
+    /// The equations with the inverse variance of the effects, and what that in force is larger by.
+    pub(super) fn whole(effects: &[RandomEffect], without: &Skyline, weight: f64, change: f64) -> Option<Solved> {
+        let mut information = without.clone();
+        let mut right = DVector::zeros(information.size());
+        for e in effects {
             information.add(e.column, e.column, weight);
             right[e.column] += e.sign * e.value * change;
-            squares += e.value * e.value * weight;
         }
         let factor = information.cholesky(0.0)?;
-        let cost = 0.5 * (squares - right.dot(&factor.solve(&right)));
-        Some(Fit { cost, log_determinant: factor.log_determinant() })
+        Some(Solved { explained: right.dot(&factor.solve(&right)), log_determinant: factor.log_determinant() })
     }
 
     /// Logarithm of the likelihood of a standard deviation, all else being profiled out, but for a constant.

@@ -20,6 +20,7 @@ pub(crate) mod adjust;
 pub(crate) mod blocks;
 pub(crate) mod bundle;
 pub(crate) mod covariance;
+mod effects_by_parts;
 pub(crate) mod elimination;
 pub(crate) mod evidence;
 pub(crate) mod layout;

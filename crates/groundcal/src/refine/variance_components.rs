@@ -105,9 +105,10 @@ impl VarianceComponents {
         options: &BundleOptions,
     ) -> Self {
         let mut next = *self;
+        let first_of_cameras = problem.layout.first_of_cameras();
         let (of_attitudes, of_heights) = (problem.attitude_errors(state), problem.height_errors(state));
-        let attitudes = RandomEffects::new(&of_attitudes, equations, self.attitude.sigma);
-        let heights = RandomEffects::new(&of_heights, equations, self.height.sigma);
+        let attitudes = RandomEffects::new(&of_attitudes, equations, self.attitude.sigma, first_of_cameras);
+        let heights = RandomEffects::new(&of_heights, equations, self.height.sigma, first_of_cameras);
         next.agreement = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(self.attitude.sigma));
         next.agreement_at_most = attitudes.as_ref().map_or((0.0, 0), |d| d.agreement(MAX_ATTITUDE_SIGMA_RAD));
         next.log_evidence = 0.0;
@@ -128,7 +129,7 @@ impl VarianceComponents {
         }
         for (k, kind) in DepartureKind::ALL.into_iter().enumerate() {
             let departures = problem.departures(state, kind);
-            let of_kind = RandomEffects::new(&departures, equations, self.departures[k].sigma);
+            let of_kind = RandomEffects::new(&departures, equations, self.departures[k].sigma, first_of_cameras);
             if let Some(d) = &of_kind {
                 let likelihood = d.likelihood(&DEPARTURE_PRIOR);
                 next.departures[k].sigma = likelihood.posterior();
@@ -166,12 +167,13 @@ impl<'a> RandomEffects<'a> {
         effects: &'a [RandomEffect],
         (information, factor): (&Skyline, &SkylineCholesky),
         sigma: f64,
+        first_of_cameras: usize,
     ) -> Option<Self> {
         if effects.is_empty() {
             return None;
         }
         if effects.len() > MAX_DENSE {
-            return Some(Self::Many(ManyEffects::new(effects, information, sigma)));
+            return Some(Self::Many(ManyEffects::new(effects, information, sigma, first_of_cameras)));
         }
         let columns: Vec<usize> = effects.iter().map(|d| d.column).collect();
         let block = factor.inverse_block(&columns);
@@ -259,8 +261,8 @@ mod tests {
         }
         effects.iter().for_each(|e| information.add(e.column, e.column, 1.0 / (in_force * in_force)));
         let factor = information.cholesky(0.0).expect("positive definite");
-        let few = RandomEffects::new(&effects, (&information, &factor), in_force).expect("determined");
-        let many = RandomEffects::Many(ManyEffects::new(&effects, &information, in_force));
+        let few = RandomEffects::new(&effects, (&information, &factor), in_force, SIZE).expect("determined");
+        let many = RandomEffects::Many(ManyEffects::new(&effects, &information, in_force, SIZE));
         // Both but for a constant.
         let over = |of: &RandomEffects<'_>, sigma: f64| of.log_likelihood(sigma) - of.log_likelihood(in_force);
         for sigma in [1e-4, 0.01, 0.03, 0.2, 1.0] {
