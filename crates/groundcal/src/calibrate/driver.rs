@@ -24,6 +24,7 @@ use crate::{
         solved::Solved,
         source::{GivenPairs, Source},
         stage_options::StageOptions,
+        stated_noise::contradicted_noise,
         transferred::solve_transferred,
         turning::{rotations_explain, solve_turning},
     },
@@ -73,9 +74,10 @@ struct Found {
 /// See [`Error`].
 pub(super) fn run(source: Source<'_>, options: &Options, observer: &dyn Observer) -> Result<Calibration, Error> {
     let stages = StageOptions::new(options, &source.traits);
-    let (mut pairs, lens) = observe_pairs(source.pairs, &stages, observer)?;
+    let (mut pairs, lens, of_noise) = observe_with_their_noise(source.pairs, &stages, observer)?;
     let images = source.images.as_deref();
     let mut warnings = source.warnings;
+    warnings.extend(of_noise);
     warnings.extend(copies_counted_once(&mut pairs, source.names, images));
     observer.begin(Stage::Selection, 1);
     let selected = select_motions(&pairs, &lens, &stages, observer);
@@ -271,6 +273,21 @@ fn looked_at_again(
         found.pairs = match_by_patches(found.pairs, [&used, &links], images, lens, patches, observer)?;
     }
     seen_again(found, stages, observer)
+}
+
+/// What each pair shows, with the deviations that its matches have where they contradict those stated.
+fn observe_with_their_noise(
+    given: GivenPairs,
+    stages: &StageOptions<'_>,
+    observer: &dyn Observer,
+) -> Result<(Vec<PairObservation>, KnownLens, Option<Warning>), Error> {
+    let (pairs, lens) = observe_pairs(given, stages, observer)?;
+    // A lens of each pair's own is taken out of its matches for good, and linear homographies ask for no deviations.
+    let asks = stages.options.radial == RadialCorrection::None;
+    let noise = if asks { contradicted_noise(&pairs, lens.lens(), &stages.observe, observer)? } else { None };
+    let Some(noise) = noise else { return Ok((pairs, lens, None)) };
+    let (pairs, lens) = observe_pairs(GivenPairs::Matches(noise.corrected(pairs)), stages, observer)?;
+    Ok((pairs, lens, Some(noise.warning())))
 }
 
 /// What each pair shows, and the lens as far as it is known beforehand or the planes tell it.

@@ -34,6 +34,7 @@ mod solved;
 mod soundness;
 mod source;
 mod stage_options;
+mod stated_noise;
 mod transferred;
 mod turning;
 mod views;

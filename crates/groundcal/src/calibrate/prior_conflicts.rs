@@ -13,7 +13,7 @@ use nalgebra::DMatrix;
 use crate::{
     calibrate::departures::{departing, unasked_departures, with_departure},
     calibrate::fisheye::with_fisheye,
-    calibrate::outlier_frames::with_outlier_frame,
+    calibrate::outlier_frames::{with_outlier_frame, with_wrong_motion},
     calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
     calibrate::row_turn::with_row_turn,
     error::Error,
@@ -94,7 +94,7 @@ pub(super) fn release_contradicted_priors(
 /// Odds beforehand against each alternative: that one scene in ten departs from the model in one of eight ways.
 const ODDS_AGAINST: f64 = 80.0;
 /// Odds of the images from which on an alternative counts: of 258 refinements of well-specified scenes 2.3 % have one. What they say nothing of has odds of 1.
-const OPEN_ODDS: f64 = 4.0;
+pub(super) const OPEN_ODDS: f64 = 4.0;
 /// Factor on an error bar from which on it is said why. (Of the same 258 1.9 % have more.)
 const WORTH_SAYING: f64 = 1.5;
 
@@ -185,6 +185,9 @@ impl Alternative {
     }
 }
 
+/// What is assumed where no motion is thought of as wrong.
+const NO_WRONG_MOTION: &str = "each motion is a turn about the floor's normal";
+
 /// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
 const DECISIVE_GAIN: f64 = 100.0;
 
@@ -231,6 +234,9 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<(O
     for (kind, options) in unasked_departures(refined) {
         prospects.extend(refined.prospect(&options).map(|p| (Alternative::Departing(kind).assumption(), p)));
     }
+    let (found, of_wrong_motions) = with_wrong_motion(input, refined, needed)?;
+    offer(&mut best, found);
+    prospects.extend(of_wrong_motions.into_iter().map(|prospect| (NO_WRONG_MOTION, prospect)));
     for (prospect, alternative, options) in promising {
         if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + DECISIVE_GAIN) {
             break;

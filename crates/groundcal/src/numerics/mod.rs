@@ -1,11 +1,11 @@
-//! Shared tools: linear algebra, one Levenberg-Marquardt loop, one RANSAC loop, statistics, graphs, the skyline matrix and its inverse.
+//! Shared tools: linear algebra, one Levenberg-Marquardt loop, one RANSAC loop, statistics, graphs, the skyline matrix and its factor.
 
 pub(crate) mod graph;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod linalg;
 pub(crate) mod ransac;
 pub(crate) mod skyline;
-mod skyline_inverse;
+pub(crate) mod skyline_cholesky;
 pub(crate) mod statistics;
 
 pub use graph::components;

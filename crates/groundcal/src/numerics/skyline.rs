@@ -1,28 +1,22 @@
 //! Symmetric positive definite matrices in skyline storage: of each row what lies between its first entry and the diagonal.
 //!
-//! A = L Lᵀ keeps the skyline (George & Liu 1981, 4.2), so that views that see only their neighbours cost time and memory in
-//! proportion to their number.
+//! Their factor keeps it (`skyline_cholesky`), so that views that see only their neighbours cost time and memory in proportion to their number.
 
-use multiversion::multiversion;
 use nalgebra::DVector;
-
-use crate::numerics::skyline_inverse::KnownInverse;
 
 /// A symmetric matrix: lower triangle, each row from its first entry on.
 #[derive(Debug, Clone)]
 pub(crate) struct Skyline {
-    first: Vec<usize>,
+    pub(super) first: Vec<usize>,
     /// The least of these of every [`ROWS_TOGETHER`] rows.
     least_first: Vec<usize>,
     /// Where the row's values begin; one more at the end.
-    start: Vec<usize>,
-    values: Vec<f64>,
+    pub(super) start: Vec<usize>,
+    pub(super) values: Vec<f64>,
 }
 
 /// Rows that are passed over at once where none of them reaches back far enough.
 const ROWS_TOGETHER: usize = 32;
-/// Pivots below this fraction of the diagonal are rounding: the matrix is singular to working precision.
-const SINGULAR: f64 = 1e-14;
 
 impl Skyline {
     /// All zero; `first[i] <= i` is the column of row i's first entry.
@@ -128,12 +122,6 @@ impl Skyline {
         }
         y
     }
-
-    /// The factor of A + λ diag(A); `None` when that is not positive definite to working precision.
-    pub(crate) fn cholesky(&self, lambda: f64) -> Option<SkylineCholesky> {
-        let mut l = self.clone();
-        factorise(&mut l, lambda).then(|| SkylineCholesky { l, inverse: KnownInverse::default() })
-    }
 }
 
 /// Products summed up in lanes, so that the compiler does several at once.
@@ -146,70 +134,6 @@ pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
         sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
     }
     a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum::<f64>() + sums.iter().sum::<f64>()
-}
-
-/// Makes a matrix A the factor L of A + λ diag(A); whether that is positive definite to working precision.
-#[multiversion(targets("x86_64+avx2"))]
-fn factorise(l: &mut Skyline, lambda: f64) -> bool {
-    let size = l.size();
-    let Skyline { first: firsts, start: starts, values, .. } = l;
-    for i in 0..size {
-        let (start, end, first) = (starts[i], starts[i + 1], firsts[i]);
-        let (done, rest) = values.split_at_mut(start);
-        let row = &mut rest[..end - start];
-        for j in first..i {
-            let (other_first, other) = (firsts[j], &done[starts[j]..starts[j + 1]]);
-            let from = first.max(other_first);
-            // Rows of other components reach back to nothing of this one.
-            if from < j {
-                let sum = dot(&row[from - first..j - first], &other[from - other_first..j - other_first]);
-                row[j - first] -= sum;
-            }
-            row[j - first] /= other[j - other_first];
-        }
-        let diagonal = row[i - first] * (1.0 + lambda);
-        let pivot = diagonal - dot(&row[..i - first], &row[..i - first]);
-        if pivot.is_nan() || pivot <= SINGULAR * diagonal || !pivot.is_finite() {
-            return false;
-        }
-        row[i - first] = pivot.sqrt();
-    }
-    true
-}
-
-/// The lower factor L of A = L Lᵀ.
-#[derive(Debug)]
-pub(crate) struct SkylineCholesky {
-    pub(super) l: Skyline,
-    pub(super) inverse: KnownInverse,
-}
-
-impl SkylineCholesky {
-    /// Logarithm of the determinant of A.
-    pub(crate) fn log_determinant(&self) -> f64 {
-        let l = &self.l;
-        (0..l.size()).map(|i| 2.0 * l.values[l.start[i + 1] - 1].ln()).sum()
-    }
-
-    /// A⁻¹ b.
-    pub(crate) fn solve(&self, b: &DVector<f64>) -> DVector<f64> {
-        let l = &self.l;
-        let mut x = b.clone();
-        for i in 0..l.size() {
-            let (row, first) = (l.row(i), l.first[i]);
-            let sum: f64 = row[..i - first].iter().zip(&x.as_slice()[first..i]).map(|(entry, x)| entry * x).sum();
-            x[i] = (x[i] - sum) / row[i - first];
-        }
-        for i in (0..l.size()).rev() {
-            let (row, first) = (l.row(i), l.first[i]);
-            x[i] /= row[i - first];
-            let value = x[i];
-            for (k, entry) in row[..i - first].iter().enumerate() {
-                x[first + k] -= entry * value;
-            }
-        }
-        x
-    }
 }
 
 #[cfg(test)]

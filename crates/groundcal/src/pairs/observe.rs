@@ -182,7 +182,7 @@ pub(crate) fn refit_linearly(
 }
 
 /// A number that matches have whatever their order and the place of their images: each pair has samples of its own.
-fn key_of(matches: &[PointMatch]) -> u64 {
+pub(crate) fn key_of(matches: &[PointMatch]) -> u64 {
     let key = |m: &PointMatch| {
         let words = [m.a.x, m.a.y, m.b.x, m.b.y].map(f64::to_bits);
         words.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, word| (hash ^ word).wrapping_mul(0x0000_0100_0000_01b3))

@@ -16,7 +16,8 @@ use crate::{
     error::Error,
     numerics::{
         levenberg_marquardt::{Linearisation, LmOutput, minimise_until},
-        skyline::{Skyline, SkylineCholesky},
+        skyline::Skyline,
+        skyline_cholesky::SkylineCholesky,
     },
     observer::Observer,
     refine::{

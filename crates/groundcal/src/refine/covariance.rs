@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::{
     geometry::attitude::{angles_from_rotation, attitude_from_up},
-    numerics::skyline::SkylineCholesky,
+    numerics::skyline_cholesky::SkylineCholesky,
     refine::{
         blocks::{FRAME, FrameState, GROUP, GroupState, RIG_POSE, State},
         bundle::{CameraEstimate, FIRST_CAMERA, GroupEstimate, JointCovariance, RigEstimate, ViewEstimate},

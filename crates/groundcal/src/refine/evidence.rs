@@ -18,7 +18,7 @@
 //! not under this one is what this one explains. So the gain of 1 over 0 is not the gain of 0 over 1 with the other sign. Positive
 //! speaks for the model; a gain of 2 ln x is odds of x.
 
-use crate::numerics::skyline::SkylineCholesky;
+use crate::numerics::skyline_cholesky::SkylineCholesky;
 use crate::refine::{
     blocks::State, elimination::Reduced, problem::Problem, tracks::KINDS, variance_components::VarianceComponents,
 };

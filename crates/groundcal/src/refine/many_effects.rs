@@ -19,7 +19,7 @@ use nalgebra::DVector;
 use crate::{
     numerics::skyline::Skyline,
     refine::{
-        effects_by_parts::EffectsByParts,
+        effects_by_parts::{EffectsByParts, Solved},
         problem::{MIN_PRIOR_SIGMA, RandomEffect},
     },
 };
@@ -45,13 +45,6 @@ pub(crate) struct ManyEffects<'a> {
 struct Fit {
     cost: f64,
     log_determinant: f64,
-}
-
-/// gᵀ A⁻¹ g and ln |A|.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Solved {
-    pub(super) explained: f64,
-    pub(super) log_determinant: f64,
 }
 
 impl<'a> ManyEffects<'a> {
@@ -116,5 +109,39 @@ impl<'a> ManyEffects<'a> {
     pub(crate) fn chi_squared(&self, sigma: f64) -> f64 {
         let costs = self.fit(sigma).zip(self.fit(MAX_KNOWN_SIGMA));
         costs.map_or(0.0, |(fit, free)| 2.0 * (fit.cost - free.cost)).max(0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three parts of four columns, of which two are effects, one of none, and two columns of a camera.
+    #[test]
+    fn parts_have_the_likelihood_of_the_whole() {
+        let first = vec![0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 0, 0];
+        let size = first.len();
+        let mut information = Skyline::zeros(first.clone());
+        for (row, &first) in first.iter().enumerate() {
+            for column in first..=row {
+                let value =
+                    if row == column { 900.0 + row as f64 } else { 50.0 * ((3 * row + 7 * column) as f64).sin() };
+                information.add(row, column, value);
+            }
+        }
+        let effect = |column: usize| RandomEffect {
+            column,
+            sign: if column.is_multiple_of(4) { 1.0 } else { -1.0 },
+            value: 0.1 * (column as f64).cos(),
+        };
+        let effects: Vec<RandomEffect> = [0, 2, 4, 6, 8, 10].map(effect).into();
+        let parts = EffectsByParts::new(&effects, &information, size - 2).expect("determined");
+        for (weight, change) in [(1.0, 3.0), (2e4, -0.5), (1e-6, 10.0)] {
+            let (ours, whole) =
+                (parts.solved(weight, change), ManyEffects::whole(&effects, &information, weight, change));
+            let (ours, whole) = ours.zip(whole).expect("determined");
+            assert!((ours.explained - whole.explained).abs() < 1e-12 * whole.explained, "{ours:?} {whole:?}");
+            assert!((ours.log_determinant - whole.log_determinant).abs() < 1e-11, "{ours:?} {whole:?}");
+        }
     }
 }

@@ -3,7 +3,7 @@
 use crate::{
     numerics::{
         levenberg_marquardt::{LmOptions, LmOutput, minimise_until},
-        skyline::SkylineCholesky,
+        skyline_cholesky::SkylineCholesky,
         statistics::NORMAL_95,
     },
     observer::Observer,

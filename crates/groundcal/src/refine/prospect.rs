@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::{
     numerics::{
         levenberg_marquardt::{LeastSquares, Linearisation},
-        skyline::SkylineCholesky,
+        skyline_cholesky::SkylineCholesky,
     },
     refine::{
         adjust::of_any_picture,

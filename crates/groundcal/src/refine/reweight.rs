@@ -14,7 +14,7 @@ use nalgebra::Vector2;
 
 use crate::{
     numerics::{
-        skyline::SkylineCholesky,
+        skyline_cholesky::SkylineCholesky,
         statistics::{NORMAL_999, chi_squared_survival},
     },
     refine::{blocks::State, problem::Problem, tracks::KINDS},

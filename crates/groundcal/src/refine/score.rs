@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector, SMatrix, SVector};
 use rayon::prelude::*;
 
 use crate::{
-    numerics::{skyline::SkylineCholesky, statistics::chi_squared_survival},
+    numerics::{skyline_cholesky::SkylineCholesky, statistics::chi_squared_survival},
     refine::{blocks::State, elimination::TrackRows, layout::Cluster, problem::Problem, residual::Projection},
 };
 

@@ -15,7 +15,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::{
     numerics::{
         linalg::{inverse_spd, symmetric_eigen},
-        skyline::{Skyline, SkylineCholesky},
+        skyline::Skyline,
+        skyline_cholesky::SkylineCholesky,
         statistics::{GridLikelihood, VarianceComponent, chi_squared_survival},
     },
     refine::{

@@ -213,6 +213,7 @@ pub fn level_with(warning: &Warning) -> Option<VerdictLevel> {
         | Warning::StillInAllImages { .. }
         | Warning::DuplicateImages { .. }
         | Warning::FisheyeLens { .. }
+        | Warning::StatedNoiseContradicted { .. }
         | Warning::NeighboursOnly { .. }
         | Warning::LargeAttitudeErrors { .. }
         | Warning::Other { .. } => None,

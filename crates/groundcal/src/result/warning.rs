@@ -173,6 +173,13 @@ pub enum Warning {
         /// Second name.
         second: String,
     },
+    /// The deviations stated of the matches are not those that they have.
+    StatedNoiseContradicted {
+        /// Power of the deviations stated that was taken instead: 0 for one deviation for all, 0.5 for differences half as large.
+        exponent: f64,
+        /// Twice the logarithm of its odds over the deviations as stated.
+        twice_log_odds: f64,
+    },
     /// The relative standard deviation of the focal length is large.
     LargeUncertainty {
         /// Standard deviation of fx in percent.
@@ -258,6 +265,7 @@ impl Warning {
             Warning::StaticBackground { .. } => "static_background",
             Warning::StillInAllImages { .. } => "still_in_all_images",
             Warning::DuplicateImages { .. } => "duplicate_images",
+            Warning::StatedNoiseContradicted { .. } => "stated_noise_contradicted",
             Warning::LargeUncertainty { .. } => "large_uncertainty",
             Warning::NeighboursOnly { .. } => "neighbours_only",
             Warning::NotRefined { .. } => "not_refined",
@@ -345,6 +353,11 @@ impl Warning {
             Warning::DuplicateImages { first, second } => {
                 format!("{first} and {second} are the same image, which counts once")
             }
+            Warning::StatedNoiseContradicted { exponent, twice_log_odds } => format!(
+                "the deviations stated of the matches (sigma_px) are not those that they have (twice the logarithm of the odds {twice_log_odds:+.0}): \
+                 {}",
+                if *exponent > 0.0 { "their differences were halved" } else { "all matches were taken as equally precise" }
+            ),
             Warning::LargeUncertainty { percent } => {
                 format!(
                     "fx is known to {percent:.1} % (one standard deviation) only; intervals this wide are approximate"
@@ -399,6 +412,8 @@ impl Warning {
             Warning::StaticBackground { .. } => vec![Remedy::MaskBackground],
             Warning::StillInAllImages { .. } => vec![Remedy::MaskBackground],
             Warning::DuplicateImages { .. } => vec![Remedy::RemoveDuplicate],
+            // It was done already.
+            Warning::StatedNoiseContradicted { .. } => Vec::new(),
             Warning::LargeUncertainty { .. } => vec![Remedy::ClearMotions],
             Warning::NeighboursOnly { .. } => vec![Remedy::ComparePairs],
             Warning::NotRefined { .. } => vec![Remedy::ReportFault],
@@ -585,6 +600,7 @@ mod tests {
             Warning::StaticBackground { from: "a".into(), to: "b".into(), matches: 40 },
             Warning::StillInAllImages { percent: 12.5 },
             Warning::DuplicateImages { first: "a".into(), second: "b".into() },
+            Warning::StatedNoiseContradicted { exponent: 0.5, twice_log_odds: 90.0 },
             Warning::LargeUncertainty { percent: 7.0 },
             Warning::NeighboursOnly { images: 50 },
             Warning::NotRefined { reason: "no".into() },

@@ -15,6 +15,7 @@ mod lens;
 mod named_pairs;
 mod prior_conflicts;
 mod rotating_camera;
+mod stated_noise;
 mod statistics;
 mod stop;
 mod thresholds;

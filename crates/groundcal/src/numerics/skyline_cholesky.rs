@@ -1,4 +1,4 @@
-//! Entries of the inverse of a skyline matrix, from its factor.
+//! The factor of a skyline matrix, which keeps the skyline (George & Liu 1981, 4.2), and entries of the inverse from it.
 //!
 //! ```text
 //! A = L Lᵀ,  Z = A⁻¹:     z_ij = -(1 / l_jj) Σ_k z_ik l_kj  (i > j),     z_jj = (1 / l_jj - Σ_k z_jk l_kj) / l_jj         (Takahashi, Fagan & Chin 1973)
@@ -16,19 +16,22 @@ use std::{
 };
 
 use multiversion::multiversion;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::numerics::skyline::{Skyline, SkylineCholesky, dot};
+use crate::numerics::skyline::{Skyline, dot};
 
 /// Columns of a product: wide enough for the kernel of products, narrow enough to leave out most of the zeros.
 const PRODUCT_BLOCK: usize = 64;
 /// Right-hand sides solved for at once: their sums fill vector registers.
 const TOGETHER: usize = 8;
 
+/// Pivots below this fraction of the diagonal are rounding: the matrix is singular to working precision.
+const SINGULAR: f64 = 1e-14;
+
 /// What is known of the inverse.
 #[derive(Debug, Default)]
-pub(super) struct KnownInverse {
+struct KnownInverse {
     /// Its entries where the matrix has some.
     within: OnceLock<Skyline>,
     /// Columns that were asked for elsewhere.
@@ -76,6 +79,12 @@ impl Rows {
 }
 
 impl Skyline {
+    /// The factor of A + λ diag(A); `None` when that is not positive definite to working precision.
+    pub(crate) fn cholesky(&self, lambda: f64) -> Option<SkylineCholesky> {
+        let mut l = self.clone();
+        factorise(&mut l, lambda).then(|| SkylineCholesky { l, inverse: KnownInverse::default() })
+    }
+
     /// Rows of L⁻¹ X that are not zero where X has entries in rows `of` (ascending) alone.
     fn touched(&self, of: &[usize]) -> Rows {
         let mut ranges = Vec::new();
@@ -109,6 +118,70 @@ impl Skyline {
             (below * below) as f64
         };
         changes.iter().map(of_column).sum()
+    }
+}
+
+/// Makes a matrix A the factor L of A + λ diag(A); whether that is positive definite to working precision.
+#[multiversion(targets("x86_64+avx2"))]
+fn factorise(l: &mut Skyline, lambda: f64) -> bool {
+    let size = l.size();
+    let Skyline { first: firsts, start: starts, values, .. } = l;
+    for i in 0..size {
+        let (start, end, first) = (starts[i], starts[i + 1], firsts[i]);
+        let (done, rest) = values.split_at_mut(start);
+        let row = &mut rest[..end - start];
+        for j in first..i {
+            let (other_first, other) = (firsts[j], &done[starts[j]..starts[j + 1]]);
+            let from = first.max(other_first);
+            // Rows of other components reach back to nothing of this one.
+            if from < j {
+                let sum = dot(&row[from - first..j - first], &other[from - other_first..j - other_first]);
+                row[j - first] -= sum;
+            }
+            row[j - first] /= other[j - other_first];
+        }
+        let diagonal = row[i - first] * (1.0 + lambda);
+        let pivot = diagonal - dot(&row[..i - first], &row[..i - first]);
+        if pivot.is_nan() || pivot <= SINGULAR * diagonal || !pivot.is_finite() {
+            return false;
+        }
+        row[i - first] = pivot.sqrt();
+    }
+    true
+}
+
+/// The lower factor L of A = L Lᵀ.
+#[derive(Debug)]
+pub(crate) struct SkylineCholesky {
+    l: Skyline,
+    inverse: KnownInverse,
+}
+
+impl SkylineCholesky {
+    /// Logarithm of the determinant of A.
+    pub(crate) fn log_determinant(&self) -> f64 {
+        let l = &self.l;
+        (0..l.size()).map(|i| 2.0 * l.values[l.start[i + 1] - 1].ln()).sum()
+    }
+
+    /// A⁻¹ b.
+    pub(crate) fn solve(&self, b: &DVector<f64>) -> DVector<f64> {
+        let l = &self.l;
+        let mut x = b.clone();
+        for i in 0..l.size() {
+            let (row, first) = (l.row(i), l.first[i]);
+            let sum: f64 = row[..i - first].iter().zip(&x.as_slice()[first..i]).map(|(entry, x)| entry * x).sum();
+            x[i] = (x[i] - sum) / row[i - first];
+        }
+        for i in (0..l.size()).rev() {
+            let (row, first) = (l.row(i), l.first[i]);
+            x[i] /= row[i - first];
+            let value = x[i];
+            for (k, entry) in row[..i - first].iter().enumerate() {
+                x[first + k] -= entry * value;
+            }
+        }
+        x
     }
 }
 
@@ -356,8 +429,6 @@ fn products_of_columns(columns: &DMatrix<f64>, first: &[usize]) -> DMatrix<f64> 
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::DVector;
-
     use super::*;
 
     /// Of more columns than are solved for at once or multiplied at once, in any order, some twice.
