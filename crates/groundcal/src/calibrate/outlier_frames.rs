@@ -52,6 +52,9 @@ const MAX_MOTIONS: usize = 12;
 /// Fewest, so that without one something is left to tell the camera.
 const MIN_MOTIONS: usize = 3;
 
+/// A refinement that is better, with twice the logarithm of the odds.
+type Better = Option<(f64, Refined)>;
+
 /// The best refinement in which one of the motions of attitudes of their own was none about the floor's normal, where its evidence is better by more than
 /// `needed`, and what the others promise that are likelier than nothing: to first order an attitude that is held all but fixed says whether it would rather
 /// move, but not how far.
@@ -62,8 +65,8 @@ pub(super) fn with_wrong_motion(
     input: &RefinementInput<'_>,
     refined: &Refined,
     needed: f64,
-) -> Result<(Option<(f64, Refined)>, Vec<Prospect>), Error> {
-    let (mut best, mut open): (Option<(f64, Refined)>, Vec<Prospect>) = (None, Vec::new());
+) -> Result<(Better, Vec<Prospect>), Error> {
+    let (mut best, mut open): (Better, Vec<Prospect>) = (None, Vec::new());
     for mut options in wrong_motions(refined) {
         input.observer.go_on()?;
         let Some(prospect) = refined.prospect(&options).filter(|prospect| prospect.gain > 2.0 * OPEN_ODDS.ln()) else {

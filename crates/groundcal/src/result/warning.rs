@@ -353,11 +353,7 @@ impl Warning {
             Warning::DuplicateImages { first, second } => {
                 format!("{first} and {second} are the same image, which counts once")
             }
-            Warning::StatedNoiseContradicted { exponent, twice_log_odds } => format!(
-                "the deviations stated of the matches (sigma_px) are not those that they have (twice the logarithm of the odds {twice_log_odds:+.0}): \
-                 {}",
-                if *exponent > 0.0 { "their differences were halved" } else { "all matches were taken as equally precise" }
-            ),
+            Warning::StatedNoiseContradicted { exponent, twice_log_odds } => of_stated_noise(*exponent, *twice_log_odds),
             Warning::LargeUncertainty { percent } => {
                 format!(
                     "fx is known to {percent:.1} % (one standard deviation) only; intervals this wide are approximate"
@@ -376,10 +372,7 @@ impl Warning {
             Warning::DistortionNotConverged { relative_change } => {
                 format!("focal length and the given distortion did not converge (last change {relative_change:.1e})")
             }
-            Warning::LargeAttitudeErrors { sigma_deg, checked_deg } => format!(
-                "tilt and roll vary by {sigma_deg} degrees, predictions are checked by simulation for {checked_deg} degrees. With much \
-                 more, short turns may be refused: two attitudes that differ by 1.4 degrees put the axis of a 10 degree turn off by 8"
-            ),
+            Warning::LargeAttitudeErrors { sigma_deg, checked_deg } => of_large_attitude_errors(*sigma_deg, *checked_deg),
             Warning::Other { message, .. } => message.clone(),
         }
     }
@@ -429,6 +422,23 @@ impl Warning {
     pub fn message(&self, wording: &dyn Wording) -> String {
         sentence(&self.finding(), &self.remedies(), wording)
     }
+}
+
+/// What is said of a plan whose attitudes vary by more than was checked.
+fn of_large_attitude_errors(sigma_deg: f64, checked_deg: f64) -> String {
+    format!(
+        "tilt and roll vary by {sigma_deg} degrees, predictions are checked by simulation for {checked_deg} degrees. With much \
+                 more, short turns may be refused: two attitudes that differ by 1.4 degrees put the axis of a 10 degree turn off by 8"
+    )
+}
+
+/// What is said of deviations that the matches contradict.
+fn of_stated_noise(exponent: f64, twice_log_odds: f64) -> String {
+    let instead =
+        if exponent > 0.0 { "their differences were halved" } else { "all matches were taken as equally precise" };
+    format!(
+        "the deviations stated of the matches (sigma_px) are not those that they have (twice the logarithm of the odds {twice_log_odds:+.0}): {instead}"
+    )
 }
 
 /// What is said of motions of one attitude.
