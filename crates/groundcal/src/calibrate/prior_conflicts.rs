@@ -185,9 +185,6 @@ impl Alternative {
     }
 }
 
-/// What is assumed where no motion is thought of as wrong.
-const NO_WRONG_MOTION: &str = "each motion is a turn about the floor's normal";
-
 /// Gain over what others promise from which on these are not tried in the same round: they are in the next, beside it.
 const DECISIVE_GAIN: f64 = 100.0;
 
@@ -236,7 +233,7 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<(O
     }
     let (found, of_wrong_motions) = with_wrong_motion(input, refined, needed)?;
     offer(&mut best, found);
-    prospects.extend(of_wrong_motions.into_iter().map(|prospect| (NO_WRONG_MOTION, prospect)));
+    prospects.extend(of_wrong_motions.into_iter().map(|p| ("each motion is a turn about the floor's normal", p)));
     for (prospect, alternative, options) in promising {
         if best.as_ref().is_some_and(|(gain, _)| *gain > prospect + DECISIVE_GAIN) {
             break;
