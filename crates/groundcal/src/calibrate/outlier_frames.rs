@@ -12,10 +12,7 @@
 //! them is an account of its own, then: with the wrong one's attitude free, heights agree, which has its weight in the evidence.
 
 use crate::{
-    calibrate::{
-        prior_conflicts::OPEN_ODDS,
-        refinement_input::{Refined, RefinementInput, RefinementOptions},
-    },
+    calibrate::refinement_input::{Refined, RefinementInput, RefinementOptions},
     error::Error,
     refine::{bundle::FIRST_CAMERA, prospect::Prospect},
 };
@@ -56,7 +53,7 @@ const MIN_MOTIONS: usize = 3;
 type Better = Option<(f64, Refined)>;
 
 /// The best refinement in which one of the motions of attitudes of their own was none about the floor's normal, where its evidence is better by more than
-/// `needed`, and what the others promise that are likelier than nothing: to first order an attitude that is held all but fixed says whether it would rather
+/// `needed`, and what the others promise that are better by more than `counts`: to first order an attitude that is held all but fixed says whether it would rather
 /// move, but not how far.
 ///
 /// # Errors
@@ -64,12 +61,12 @@ type Better = Option<(f64, Refined)>;
 pub(super) fn with_wrong_motion(
     input: &RefinementInput<'_>,
     refined: &Refined,
-    needed: f64,
+    [counts, needed]: [f64; 2],
 ) -> Result<(Better, Vec<Prospect>), Error> {
     let (mut best, mut open): (Better, Vec<Prospect>) = (None, Vec::new());
     for mut options in wrong_motions(refined) {
         input.observer.go_on()?;
-        let Some(prospect) = refined.prospect(&options).filter(|prospect| prospect.gain > 2.0 * OPEN_ODDS.ln()) else {
+        let Some(prospect) = refined.prospect(&options).filter(|prospect| prospect.gain > counts) else {
             continue;
         };
         options.bundle = options.bundle.for_trial();

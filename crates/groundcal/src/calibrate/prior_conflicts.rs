@@ -94,7 +94,7 @@ pub(super) fn release_contradicted_priors(
 /// Odds beforehand against each alternative: that one scene in ten departs from the model in one of eight ways.
 const ODDS_AGAINST: f64 = 80.0;
 /// Odds of the images from which on an alternative counts: of 258 refinements of well-specified scenes 2.3 % have one. What they say nothing of has odds of 1.
-pub(super) const OPEN_ODDS: f64 = 4.0;
+const OPEN_ODDS: f64 = 4.0;
 /// Factor on an error bar from which on it is said why. (Of the same 258 1.9 % have more.)
 const WORTH_SAYING: f64 = 1.5;
 
@@ -231,7 +231,7 @@ fn best_alternative(input: &RefinementInput<'_>, refined: &Refined) -> Result<(O
     for (kind, options) in unasked_departures(refined) {
         prospects.extend(refined.prospect(&options).map(|p| (Alternative::Departing(kind).assumption(), p)));
     }
-    let (found, of_wrong_motions) = with_wrong_motion(input, refined, needed)?;
+    let (found, of_wrong_motions) = with_wrong_motion(input, refined, [2.0 * OPEN_ODDS.ln(), needed])?;
     offer(&mut best, found);
     prospects.extend(of_wrong_motions.into_iter().map(|p| ("each motion is a turn about the floor's normal", p)));
     for (prospect, alternative, options) in promising {
