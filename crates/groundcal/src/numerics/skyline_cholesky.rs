@@ -431,38 +431,10 @@ fn products_of_columns(columns: &DMatrix<f64>, first: &[usize]) -> DMatrix<f64> 
 mod tests {
     use super::*;
 
-    /// Of more columns than are solved for at once or multiplied at once, in any order, some twice.
-    #[test]
-    fn many_columns_of_the_inverse_agree_with_dense_algebra() {
-        let n = 150;
-        let first: Vec<usize> = (0..n).map(|i: usize| if i >= n - 3 { 0 } else { i.saturating_sub(i % 7) }).collect();
-        let (mut sparse, mut dense) = (Skyline::zeros(first.clone()), DMatrix::zeros(n, n));
-        for (i, &first) in first.iter().enumerate() {
-            for j in first..=i {
-                let value = if i == j { 90.0 + i as f64 } else { ((3 * i + 7 * j) as f64).sin() };
-                sparse.add(i, j, value);
-                (dense[(i, j)], dense[(j, i)]) = (value, value);
-            }
-        }
-        let inverse = dense.try_inverse().expect("regular");
-        let indices: Vec<usize> = (0..149).map(|k| (k * 91 + 20) % n).chain([20, 0]).collect();
-        let block = sparse.cholesky(0.0).expect("positive definite").inverse_block(&indices);
-        let wanted = DMatrix::from_fn(indices.len(), indices.len(), |r, c| inverse[(indices[r], indices[c])]);
-        assert!((&block - wanted).amax() < 1e-15, "{}", (block.clone() - block.transpose()).amax());
-        assert_eq!(sparse.cholesky(0.0).expect("positive definite").inverse_block(&[]).nrows(), 0);
-    }
-
-    /// Blocks of 5 to 11 that hang together by the last three rows alone, one of them a band.
-    fn components() -> (Skyline, DMatrix<f64>) {
-        let sizes = [5, 11, 40, 7];
-        let n = sizes.iter().sum::<usize>() + 3;
-        let mut first = Vec::new();
-        for size in sizes {
-            let start = first.len();
-            first.extend((0..size).map(|k| if size == 40 { start + k.max(4) - 4 } else { start }));
-        }
-        first.extend([0, 0, 0]);
-        let (mut sparse, mut dense) = (Skyline::zeros(first.clone()), DMatrix::zeros(n, n));
+    /// A matrix with entries from these columns on, and the same dense.
+    fn with_values(first: &[usize]) -> (Skyline, DMatrix<f64>) {
+        let n = first.len();
+        let (mut sparse, mut dense) = (Skyline::zeros(first.to_vec()), DMatrix::zeros(n, n));
         for (i, &first) in first.iter().enumerate() {
             for j in first..=i {
                 let value = if i == j { 90.0 + i as f64 } else { ((3 * i + 7 * j) as f64).sin() };
@@ -471,6 +443,32 @@ mod tests {
             }
         }
         (sparse, dense)
+    }
+
+    /// Of more columns than are solved for at once or multiplied at once, in any order, some twice.
+    #[test]
+    fn many_columns_of_the_inverse_agree_with_dense_algebra() {
+        let n = 150;
+        let first: Vec<usize> = (0..n).map(|i: usize| if i >= n - 3 { 0 } else { i.saturating_sub(i % 7) }).collect();
+        let (sparse, dense) = with_values(&first);
+        let inverse = dense.try_inverse().expect("regular");
+        let indices: Vec<usize> = (0..149).map(|k| (k * 91 + 20) % n).chain([20, 0]).collect();
+        let block = sparse.cholesky(0.0).expect("positive definite").inverse_block(&indices);
+        let wanted = DMatrix::from_fn(indices.len(), indices.len(), |r, c| inverse[(indices[r], indices[c])]);
+        assert!((&block - wanted).amax() < 1e-15, "{}", (block.clone() - block.transpose()).amax());
+        assert_eq!(sparse.cholesky(0.0).expect("positive definite").inverse_block(&[]).nrows(), 0);
+    }
+
+    /// Blocks of 5 to 40 that hang together by the last three rows alone, the largest a band.
+    fn components() -> (Skyline, DMatrix<f64>) {
+        let sizes = [5, 11, 40, 7];
+        let mut first = Vec::new();
+        for size in sizes {
+            let start = first.len();
+            first.extend((0..size).map(|k| if size == 40 { start + k.max(4) - 4 } else { start }));
+        }
+        first.extend([0, 0, 0]);
+        with_values(&first)
     }
 
     #[test]
